@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from benchmark.problems import COLUMNS, Problem
+from benchmark.problems import COLUMNS, ReferenceProblem
 
 BACKWARD, FREE, FORWARD, STICK, AIR = -1, 0, 1, 2, 3
 _RULES = {"weight": 0, "unilateral": 1, "hop": 2}
@@ -22,7 +22,7 @@ _jit = numba.njit(error_model="numpy", cache=True)
 _inlined = numba.njit(error_model="numpy", inline="always")
 
 
-class Machine(NamedTuple):
+class ProblemNumbers(NamedTuple):
     """Numbers of a problem: those of each guide, then those of the whole."""
 
     m2: float
@@ -54,7 +54,7 @@ class Machine(NamedTuple):
     slow: float
 
 
-def machine(problem: Problem, slow: float = 0.0) -> Machine:
+def machine(problem: ReferenceProblem, slow: float = 0.0) -> ProblemNumbers:
     """Return the numbers of a problem. An absent mass gets numbers with which it exerts no force.
 
     A landing at a speed of at most `slow` [m/s] does not bounce, so that a sequence of infinitely many landings ends.
@@ -62,7 +62,7 @@ def machine(problem: Problem, slow: float = 0.0) -> Machine:
     given = problem.parameters
     gone = {name: 0.0 for mass, names in (("m2", ("k2", "k4")), ("m3", ("k3", "k1")))
             if not given[mass] for name in (*names, "c2" if mass == "m2" else "c3")}
-    return Machine(
+    return ProblemNumbers(
         **{name: given[name] for name in ("m2", "k2", "c2", "k4", "c4", "L2", "m3", "k3", "c3", "k1", "c1", "L3",
                                           "omega", "g", "mu", "adhesion")} | gone,
         radius=given["l"],
@@ -73,7 +73,7 @@ def machine(problem: Problem, slow: float = 0.0) -> Machine:
         restitution=given["restitution"], slow=slow)
 
 
-def start(problem: Problem) -> np.ndarray:
+def start(problem: ReferenceProblem) -> np.ndarray:
     """The state at t = 0, shape (8,)."""
     return np.array([problem.start[column] for column in COLUMNS])
 
@@ -114,16 +114,16 @@ def accelerations(f2, f3, slide, ground, p):
     if p.rule != 0 or ground == AIR:
         pressed -= f2 + f3 * p.cosine
     up = p.cosine if p.rule != 0 else 0.0
-    own = p.reaction * p.m3
+    reacting_mass = p.reaction * p.m3
     if ground == AIR:
-        along, across = p.total - own * p.sine * p.sine, own * p.sine * p.cosine
-        high = p.total - p.reaction * p.m2 - own * p.cosine * p.cosine
+        along, across = p.total - reacting_mass * p.sine * p.sine, reacting_mass * p.sine * p.cosine
+        high = p.total - p.reaction * p.m2 - reacting_mass * p.cosine * p.cosine
         scale = 1.0 / (along * high - across * across)
         ax, ay = scale * (high * inward + across * pressed), -scale * (along * pressed + across * inward)
     elif ground != STICK:
         rub = p.mu * slide
-        ax = (inward - rub * pressed) / (p.total - own * p.sine * (p.sine - rub * up))
-    normal = 0.0 if ground == AIR else pressed + own * p.sine * up * ax
+        ax = (inward - rub * pressed) / (p.total - reacting_mass * p.sine * (p.sine - rub * up))
+    normal = 0.0 if ground == AIR else pressed + reacting_mass * p.sine * up * ax
     au = -f2 / p.m2 - p.reaction * ay if p.m2 > 0.0 else 0.0
     aw = -f3 / p.m3 + p.reaction * (p.sine * ax - p.cosine * ay) if p.m3 > 0.0 else 0.0
     return au, aw, ax, ay, normal
@@ -209,26 +209,26 @@ def land(y, p):
     if p.restitution > 0.0 and -y[7] > p.slow:
         y[6], y[7] = 0.0, -p.restitution * y[7]
         return
-    own = p.reaction * p.m3
-    along, across = p.total - own * p.sine * p.sine, own * p.sine * p.cosine
-    high = p.total - p.reaction * p.m2 - own * p.cosine * p.cosine
-    fall, before = y[7], y[5]
-    after, left = before, fall
-    if before != 0.0:
-        sign = 1.0 if before > 0.0 else -1.0
+    reacting_mass = p.reaction * p.m3
+    along, across = p.total - reacting_mass * p.sine * p.sine, reacting_mass * p.sine * p.cosine
+    high = p.total - p.reaction * p.m2 - reacting_mass * p.cosine * p.cosine
+    fall, speed_before = y[7], y[5]
+    speed_after, left = speed_before, fall
+    if speed_before != 0.0:
+        sign = 1.0 if speed_before > 0.0 else -1.0
         rate = (across + sign * p.mu * high) / (along + sign * p.mu * across)
-        after = before + rate * fall
-        if sign * after >= 0.0:
+        speed_after = speed_before + rate * fall
+        if sign * speed_after >= 0.0:
             left = 0.0
         else:
-            left = fall + before / rate
+            left = fall + speed_before / rate
     if left != 0.0:
         sign = -1.0 if across > 0.0 else 1.0
         rate = (across + sign * p.mu * high) / (along + sign * p.mu * across)
-        after = 0.0 if abs(across) <= p.mu * high else rate * left
+        speed_after = 0.0 if abs(across) <= p.mu * high else rate * left
     y[1] += p.reaction * fall
-    y[3] += p.reaction * (p.sine * (after - before) + p.cosine * fall)
-    y[5], y[6], y[7] = after, 0.0, 0.0
+    y[3] += p.reaction * (p.sine * (speed_after - speed_before) + p.cosine * fall)
+    y[5], y[6], y[7] = speed_after, 0.0, 0.0
 
 
 @_jit
@@ -292,7 +292,7 @@ class Callbacks:
         `guards`.
     """
 
-    def __init__(self, p: Machine, width: float = 0.0) -> None:
+    def __init__(self, p: ProblemNumbers, width: float = 0.0) -> None:
         @numba.njit(error_model="numpy")
         def _slope(mode, t, y, out):
             mode[3] += 1

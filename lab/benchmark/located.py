@@ -23,9 +23,9 @@ def run(problem, callbacks, integrate):
     events = [(0.0, kind) for kind, closed in zip(("upper_contact", "inclined_contact"), mode[:2], strict=True)
               if closed]
     while len(rows) < len(times):
-        before, which = t, None
+        segment_begin, which = t, None
         brief = 0.2 * y[7] / callbacks.numbers.g if y[6] == 0.0 < y[7] else np.inf
-        for now, dense, guard in integrate(before, y, times[-1], brief):
+        for now, dense, guard in integrate(segment_begin, y, times[-1], brief):
             while len(rows) < len(times) and times[len(rows)] <= now:
                 rows.append(dense(times[len(rows)]))
             t, y, which = now, np.array(dense(now)), guard
@@ -38,7 +38,7 @@ def run(problem, callbacks, integrate):
                                ("stick", mode[2] == STICK != ground)):
             if happened:
                 events.append((t, kind))
-        crowd = crowd + 1 if t - before < 1e-14 else 0
+        crowd = crowd + 1 if t - segment_begin < 1e-14 else 0
         if crowd > _MOST_IN_AN_INSTANT or len(events) > _MOST_EVENTS:
             raise UnableError(f"events without end at {t:.6g} s")
     return Answer(lambda: np.array(rows), lambda: event_array(events), callbacks.seconds)

@@ -37,7 +37,7 @@ STAND_IN = 0.25  # kg, in place of an absent mass: no force acts on it, and the 
 
 
 @dataclass(frozen=True)
-class Problem:
+class ReferenceProblem:
     """A problem with its reference values, as `accuracy.harness.Problem` asks for.
 
     Attributes
@@ -97,7 +97,7 @@ class Problem:
             "effects.friction": "coulomb" if given["mu"] else "none", "ground.static_friction": given["mu"],
             "effects.motor": "ideal", "start.state": "given" if start else "rest"}
 
-    def at(self, times: np.ndarray) -> "Problem":
+    def at(self, times: np.ndarray) -> "ReferenceProblem":
         """The same problem, sampled at other instants [s]."""
         return replace(self, times=times)
 
@@ -123,11 +123,11 @@ class Problem:
         if answer.events is None:
             return ""
         kinds, counts = np.unique(answer.events["kind"], return_counts=True)
-        found = {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
+        counted = {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
         return "; ".join(
-            f"{found.get(kind, 0)} of {event['count']} {kind.replace('_', ' ')}{'' if event['count'] == 1 else 's'}"
+            f"{counted.get(kind, 0)} of {event['count']} {kind.replace('_', ' ')}{'' if event['count'] == 1 else 's'}"
             for kind, event in self.events.items()
-            if (kind in found or kind.endswith("contact")) and found.get(kind, 0) != event["count"])
+            if (kind in counted or kind.endswith("contact")) and counted.get(kind, 0) != event["count"])
 
     def falls_through(self, states: np.ndarray) -> bool:
         """Whether a body that may leave the ground (y >= 0) is ever deeper below it than it rises above it in the
@@ -161,12 +161,12 @@ def names() -> list[str]:
     return [path.stem for path in sorted(FOLDER.glob("*.json"))]
 
 
-def load(name: str) -> Problem:
+def load(name: str) -> ReferenceProblem:
     """The problem of that name, or of the name without its number."""
     for path in sorted(FOLDER.glob("*.json")):
         if name in (path.stem, path.stem.split("_", 1)[1]):
             stored = json.loads(path.read_text(encoding="utf-8"))
             del stored["made_by"]
-            return Problem(name=path.stem, **stored | {"times": np.array(list(map(float, stored["times"]))),
+            return ReferenceProblem(name=path.stem, **stored | {"times": np.array(list(map(float, stored["times"]))),
                                                       "judged": tuple(stored["judged"])})
     raise ValueError(f"{name!r} is no problem of the benchmark; there are {', '.join(names())}")

@@ -14,7 +14,7 @@ import numpy as np
 from flint import arb, ctx
 from mpmath import mp, mpf
 
-from benchmark.problems import COLUMNS, FOLDER, STAND_IN, Problem
+from benchmark.problems import COLUMNS, FOLDER, STAND_IN, ReferenceProblem
 from benchmark.reference_model import ReferenceModel, derivative, exact, value
 
 _ROBOT: dict[str, Any] = {
@@ -55,9 +55,9 @@ _ROWS = 21
 DIGITS, FIRST, SECOND = 60, {"order": 64, "digits": 84}, {"order": 76, "digits": 94}
 
 
-def _unsolved(parameters: dict[str, Any], height: float = 0.0) -> Problem:
+def _unsolved(parameters: dict[str, Any], height: float = 0.0) -> ReferenceProblem:
     """Return a problem without reference values, whose body starts at a height [m]."""
-    return Problem("", "", parameters, {"y": height}, np.zeros(0), {}, {}, (), 0)
+    return ReferenceProblem("", "", parameters, {"y": height}, np.zeros(0), {}, {}, (), 0)
 
 
 def integrate(parameters: dict[str, Any], duration: float, order: int, digits: int) -> tuple[list, list]:
@@ -89,11 +89,11 @@ def grazing_gap() -> arb:
     free = _PAIR | {"k4": 0.0, "k1": 0.0}
     problem = _unsolved(free)
     model = ReferenceModel(_UNUSED | problem.scene_parameters())
-    best, before = arb(-1), arb(0)
+    best, previous = arb(-1), arb(0)
     for index in range(1, 801):  # a quarter of a millisecond
         now = exact(arb(index) / 4000)
-        model.advance_to(before)
-        series, low, high = model.guides[0].series, arb(0), exact(now - before)
+        model.advance_to(previous)
+        series, low, high = model.guides[0].series, arb(0), exact(now - previous)
         slope = derivative(series)
         if slope[0] > 0 and value(slope, high) < 0:
             for _ in range(190):
@@ -101,7 +101,7 @@ def grazing_gap() -> arb:
                 low, high = (middle, high) if value(slope, middle) > 0 else (low, middle)
             reached = value(series, low)
             best = reached if reached > best else best
-        before = now
+        previous = now
     return exact(best - arb(_PAIR["L2"]))
 
 
@@ -137,11 +137,11 @@ def data(name: str) -> dict[str, Any]:
         parameters = parameters | {"gap2": float(graze + _GRAZE), "gap3": float(graze - _GRAZE)}
     check, _ = integrate(parameters, duration, **SECOND)
     closed = parameters["restitution"] > 0.0
-    rows, found = (bounced(parameters, duration) if closed else integrate(parameters, duration, **FIRST))
+    rows, events = (bounced(parameters, duration) if closed else integrate(parameters, duration, **FIRST))
     ctx.dps = FIRST["digits"]
     gap = max(abs(float(a - b)) for pair in zip(rows, check, strict=True) for a, b in zip(*pair, strict=True))
-    kinds = {event["kind"] for event in found} & (_KINDS | (_FRICTION if parameters["normal"] == "weight" else set()))
-    times = {kind: [event["time"] for event in found if event["kind"] == kind] for kind in sorted(kinds)}
+    kinds = {event["kind"] for event in events} & (_KINDS | (_FRICTION if parameters["normal"] == "weight" else set()))
+    times = {kind: [event["time"] for event in events if event["kind"] == kind] for kind in sorted(kinds)}
     start = {column: float(number) for column, number in zip(COLUMNS, rows[0], strict=True)}
     return {
         "title": title, "made_by": f"python -m benchmark.reference {name}", "parameters": parameters, "start": start,

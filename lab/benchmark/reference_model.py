@@ -58,11 +58,11 @@ class ReferenceModel:
     def _guide(self, side, angle):
         value = self.values
         rod = arb(value[f"crank.{side}_rod"])
-        return Guide(side, arb(value[f"mass.{side}"]), rod, arb(angle),
-                     *(arb(value[f"{side}.{part}.{kind}"]) for part in ("spring", "plate")
-                       for kind in ("stiffness", "damping")),
-                     has_contact=value[f"effects.{side}_contact"] == "compliant",
-                     plate=exact(rod + arb(value[f"{side}.gap"])))
+        return PreciseGuide(side, arb(value[f"mass.{side}"]), rod, arb(angle),
+                            *(arb(value[f"{side}.{part}.{kind}"]) for part in ("spring", "plate")
+                              for kind in ("stiffness", "damping")),
+                            has_contact=value[f"effects.{side}_contact"] == "compliant",
+                            plate=exact(rod + arb(value[f"{side}.gap"])))
 
     def _start(self):
         if self.values["start.state"] == "zero":
@@ -286,20 +286,20 @@ class ReferenceModel:
             self.height, self.climb = arb(0), exact(-self.restitution * self.climb)
             return
         along, across, up = self._inertia()
-        fall, before = self.climb, self.body_velocity
+        fall, speed_before = self.climb, self.body_velocity
         slopes = {sign: exact((across + sign * self.friction * up) / (along + sign * self.friction * across))
                   for sign in (1, -1)}  # dx'/dy' while the body slips forwards or backwards
-        sign = leading([before], 1.0)[0]
-        after = exact(before + slopes[sign] * fall) if sign else before
-        if sign == 0 or sign * after < 0:
-            left = exact(fall + before / slopes[sign]) if sign else fall  # fall left when x' becomes 0
+        sign = leading([speed_before], 1.0)[0]
+        speed_after = exact(speed_before + slopes[sign] * fall) if sign else speed_before
+        if sign == 0 or sign * speed_after < 0:
+            left = exact(fall + speed_before / slopes[sign]) if sign else fall  # fall left when x' becomes 0
             holds = abs(across) <= self.friction * up
-            after = arb(0) if holds else exact(slopes[-1 if across > 0 else 1] * left)
-        self.height, self.climb, self.body_velocity = arb(0), arb(0), after
+            speed_after = arb(0) if holds else exact(slopes[-1 if across > 0 else 1] * left)
+        self.height, self.climb, self.body_velocity = arb(0), arb(0), speed_after
         if self.values["effects.reaction"]:
             upper, inclined = self.guides
             upper.velocity = exact(upper.velocity + fall)
-            inclined.velocity = exact(inclined.velocity + self.sine * (after - before) + self.cosine * fall)
+            inclined.velocity = exact(inclined.velocity + self.sine * (speed_after - speed_before) + self.cosine * fall)
 
     def _follow_peak(self, guide, step):
         instants = [arb(0), step]
@@ -378,8 +378,8 @@ def exact(value: arb) -> arb:
 
 
 @dataclass
-class Guide:
-    """One impact mass with its slider and its plate; positions along the guide [m]."""
+class PreciseGuide:
+    """One impact mass with its slider and its plate, in arbitrary precision; positions along the guide [m]."""
 
     side: str
     mass: arb

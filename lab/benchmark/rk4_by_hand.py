@@ -24,7 +24,7 @@ _inlined = numba.njit(error_model="numpy", inline="always")
 _stored = numba.njit(error_model="numpy", cache=True)
 
 
-class Guide(NamedTuple):
+class GuideNumbers(NamedTuple):
     """One guide: its direction from the vertical, mass and weight along it, rod, drive, and plate (inf: none)."""
 
     sine: float
@@ -135,8 +135,8 @@ def _landed(dx, fall, friction, flight):
         return dx + backwards * fall
     if abs(flight.across) <= friction * flight.up:
         return 0.0
-    first, then = (forwards, backwards) if dx > 0.0 else (backwards, forwards)
-    return then * (dx / first + fall)
+    slope, opposite_slope = (forwards, backwards) if dx > 0.0 else (backwards, forwards)
+    return opposite_slope * (dx / slope + fall)
 
 
 @_inlined
@@ -216,9 +216,9 @@ def _integrate(start, upper, inclined, machine, flight, h, per_sample, samples):
             x += h / 6.0 * (dx + 2.0 * (dx2 + dx3) + dx4)
             du += h / 6.0 * (au1 + 2.0 * (au2 + au3) + au4)
             dw += h / 6.0 * (aw1 + 2.0 * (aw2 + aw3) + aw4)
-            before = dx
+            previous_speed = dx
             dx += h / 6.0 * (ax1 + 2.0 * (ax2 + ax3) + ax4)
-            if before * dx < 0.0 and abs(inertial) <= bound:
+            if previous_speed * dx < 0.0 and abs(inertial) <= bound:
                 dx = 0.0
             u, du = _blow(u, du, au4, h, upper)
             incoming = dw
@@ -270,9 +270,9 @@ def prepare(problem: Problem, setting: Setting) -> Callable[[], Answer]:
     return run
 
 
-def _guide(scene: Scene, side: str, angle: float) -> Guide:
+def _guide(scene: Scene, side: str, angle: float) -> GuideNumbers:
     rod, mass, contact = scene[f"crank.{side}_rod"], scene[f"mass.{side}"], scene[f"effects.{side}_contact"]
-    return Guide(
+    return GuideNumbers(
         sine=math.sin(angle), cosine=math.cos(angle), mass=mass,
         weight=mass * scene["gravity"] * math.cos(angle) if scene["effects.mass_weight"] else 0.0,
         rod=rod, spring=scene[f"{side}.spring.stiffness"], damper=scene[f"{side}.spring.damping"],

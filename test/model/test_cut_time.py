@@ -10,7 +10,7 @@ from commanded_device import assert_balanced, suffer
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.simulation import readout
+from vibro_ros.simulation import motion
 from vibro_ros.solver.methods import SCHEMES
 
 COMMANDS = ((0.1, {"motor_speed": 120.0}), (0.2, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
@@ -92,7 +92,7 @@ def test_every_cut_of_time_gives_the_same_bits(name, changes):
 def test_samples_are_states(name, method, monkeypatch):
     """`simulate` and `Simulator` are one code path, and sampling does not disturb. Samples are computed in groups of
     seven, of a motor that stands, turns and stands again."""
-    monkeypatch.setattr(readout, "_AT_ONCE", 7)
+    monkeypatch.setattr(motion, "AT_ONCE", 7)
     scene = vibro_ros.load_scene(name).with_parameters({"solver.method": method, "motor.speed": 0.0})
     commands = [(0.1025, {scene.motor_command: 12.0}), (0.2025, {scene.motor_command: 0.0})]
     run = vibro_ros.simulate(scene, duration=0.3, rate=200.0, commands=commands)
@@ -108,6 +108,21 @@ def test_samples_are_states(name, method, monkeypatch):
             assert getattr(run, field.name)[index] == getattr(device.state, field.name), (field.name, time)
     for field in dataclasses.fields(device.state):
         np.testing.assert_array_equal(getattr(coarse, field.name), getattr(run, field.name)[::7])
+
+
+def test_groups_of_instants_meet_ends_of_disturbances_and_edges_as_all_at_once_do(monkeypatch):
+    """A push ends at the last instant of a group and a stall at the first of one; a patch ends within a group."""
+    runs, times = [], np.arange(300) / 1000.0
+    for group in (7, len(times)):
+        monkeypatch.setattr(motion, "AT_ONCE", group)
+        device = vibro_ros.Simulator(vibro_ros.load_scene("damped"), acceleration_bandwidth=100.0)
+        device.push(times[20], force_x=40.0)
+        device.fail("motor_stall", duration=times[35])
+        device.fail("friction_patch", duration=times[200], value=0.02, from_x=-1.0, to_x=0.001)
+        samples, accelerations = device.sample_filtered(times)
+        assert device.disturbances == {} and samples.body_position.max() > 0.001
+        runs.append([*(values.tobytes() for values in vars(samples).values()), accelerations.tobytes()])
+    assert runs[0] == runs[1]
 
 
 def test_commands_at_one_instant_act_in_their_order():

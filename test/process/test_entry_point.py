@@ -142,6 +142,15 @@ def test_a_request_is_polled(start):
     assert said_after(process, PROMPT) == (7, "asked\n", "")
 
 
+def test_a_signal_that_a_finaliser_swallowed_before_is_a_request(start):
+    finaliser = f"lambda _: ({READY}, time.sleep(600))"
+    process = planted_executable(start, f"type('Dying', (), {{'__del__': {finaliser}}})()", *(
+        line.format(before="pass", condition="not stop", rest=0.0) for line in REQUEST))
+    process.send_signal(signal.SIGINT)
+    code, said, ignored = said_after(process, PROMPT)
+    assert (code, said) == (7, "ready\nasked\n") and "Exception ignored" in ignored
+
+
 def test_a_second_signal_ends_a_start_that_does_not_poll(start):
     process = requested(start, condition="True")
     process.send_signal(signal.SIGINT)

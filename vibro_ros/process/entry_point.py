@@ -149,6 +149,7 @@ class StopRequest:
     def __enter__(self) -> "StopRequest":
         self._before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
         _on_stop_signals(self._receive)
+        self.signal = _process.signal  # of a signal before, whose KeyboardInterrupt a finaliser has swallowed
         return self
 
     def __exit__(self, *_: object) -> None:

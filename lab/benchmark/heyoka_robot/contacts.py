@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from benchmark.heyoka_robot.equations import BODY_PARAMETERS, Equations, Guide
-from benchmark.heyoka_robot.run_state import RunState, Series, leading_sign
+from benchmark.heyoka_robot.run_state import GuardSeries, IntegrationState, leading_sign
 
 _HEIGHT_NUDGE = 1e-23  # m
 _SPEED_NUDGE = 1e-18  # m/s; outweighs the rounding error, 1e-12 N, of the force with which a stick ends
@@ -32,7 +32,7 @@ class Body:
         What is called with the time [s] when a landing has changed the crank's speed.
     """
 
-    def __init__(self, equations: Equations, run: RunState, series: Series):
+    def __init__(self, equations: Equations, run: IntegrationState, series: GuardSeries):
         self._equations, self._run, self._series = equations, run, series
         self._state, self._speed, self._height = run.state, equations.body + 1, equations.height
         rubs, self._static_frictions = equations.has_dry_friction, equations.static_frictions
@@ -115,7 +115,7 @@ class Body:
         if not self.friction and self._equations.hops and np.any(self._state[self._height:self._height + 2]):
             self._enter(time, "airborne")  # a start in the air
             return
-        before, known = self.friction or self._initial, len(self._run.events)
+        previous, known = self.friction or self._initial, len(self._run.events)
         if self._equations.has_dry_friction:
             self._settle_friction(time)
         else:
@@ -123,8 +123,8 @@ class Body:
         if self._without_load and leading_sign(*self._series.ground_force_series(time)[::2]) < 0:
             self._unload(time)
         del self._run.events[known:]  # of states that were only tried
-        if before != self.friction:
-            self._add_event(time, before)
+        if previous != self.friction:
+            self._add_event(time, previous)
 
     def _settle_friction(self, time: float) -> None:
         """Decide between stick and slip, at rest by the series of N and F_in."""
@@ -206,13 +206,14 @@ class Body:
         """Set the parameters of a state, and add an event if the state is another one."""
         self._body_parameters[:] = self._modes[friction, self.resting]
         if self.friction != friction:
-            before, self.friction = self.friction, friction
-            if before:
-                self._add_event(time, before, -float(self._state[self._height + 1]) if before == "airborne" else 0.0)
+            previous, self.friction = self.friction, friction
+            if previous:
+                fall = -float(self._state[self._height + 1]) if previous == "airborne" else 0.0
+                self._add_event(time, previous, fall)
 
-    def _add_event(self, time: float, before: str, fall: float = 0.0) -> None:
-        """Add the event of a change from the state `before`; a landing ends a `fall` [m/s]."""
-        kind = "landing" if before == "airborne" else "lift_off" if self.friction == "airborne" else self.friction
+    def _add_event(self, time: float, previous: str, fall: float = 0.0) -> None:
+        """Add the event of a change from the state `previous`; a landing ends a `fall` [m/s]."""
+        kind = "landing" if previous == "airborne" else "lift_off" if self.friction == "airborne" else self.friction
         self._run.add_event(time, kind, fall)
 
     def _slip(self, time: float, direction: float) -> None:
@@ -235,19 +236,20 @@ class Body:
         inelastic.
         """
         equations, state = self._equations, self._state
-        before = float(state[self._speed]) if equations.body_moves else 0.0
+        speed_before = float(state[self._speed]) if equations.body_moves else 0.0
         fall = float(state[self._height + 1])
         parts = equations.scene["effects.reaction"] and -fall > _SLOW_LANDING
         staying = frozenset() if parts else self.resting
         restitution = equations.scene["ground.restitution"] if -fall > _SLOW_LANDING else 0.0
         coupling = self._run.coupling(time)
-        after, rise, sticks = equations.after_landing(before, fall, staying, restitution, coupling)
+        speed_after, rise, sticks = equations.after_landing(speed_before, fall, staying, restitution, coupling)
         state[self._height] = 0.0
         if equations.body_moves:
-            state[self._speed] = after
-        self._move_free_masses(after - before, rise - fall, staying)
+            state[self._speed] = speed_after
+        self._move_free_masses(speed_after - speed_before, rise - fall, staying)
         if equations.crank_is_struck:
-            state[equations.crank + 1] -= (coupling[0] * (after - before) + coupling[1] * (rise - fall)) / coupling[2]
+            along, up, inertia = coupling
+            state[equations.crank + 1] -= (along * (speed_after - speed_before) + up * (rise - fall)) / inertia
             self.strike_crank(time)
         if rise > 0.0:
             self._rebound(time, fall, rise, self.resting - staying)
@@ -257,7 +259,7 @@ class Body:
         elif sticks:
             self._enter(time, "stick")
         else:
-            self._slip(time, after)
+            self._slip(time, speed_after)
         state[self._height + 1] = 0.0
         self.feel_shock(time, self.resting - staying)
         self.reconsider(time)
@@ -283,7 +285,7 @@ class Plates:
     """The contacts, each in one of the states `open`, `closed`, `released`, `resting`, and the actions of their guards.
     """
 
-    def __init__(self, equations: Equations, run: RunState, body: Body, series: Series):
+    def __init__(self, equations: Equations, run: IntegrationState, body: Body, series: GuardSeries):
         self._guides, self._run, self._body, self._series = equations.guides, run, body, series
         self._state, self._misprint = run.state, equations.scene["effects.misprint"]
         self._compliant = [guide for guide in equations.guides if guide.kind == "compliant"]
@@ -296,14 +298,14 @@ class Plates:
 
     def actions(self) -> dict[str, Callable[[float, int], None]]:
         """The action of each guard of a guide: a function of time [s] and the sign of the guard's derivative."""
-        found: dict[str, Any] = {}
+        actions: dict[str, Any] = {}
         for guide in self._guides:
             side = guide.side
-            found[f"{side} depth"] = lambda t, d, g=guide: self._cross_plate(t, g, d)
-            found[f"{side} force"] = lambda t, d, g=guide: self._cross_force(t, g, d)
-            found[f"{side} plate"] = lambda t, d, g=guide: self._meet_rigid(t, g)
-            found[f"{side} kink"] = lambda t, d, g=guide: self._pass_kink(t, g, d)
-        return found
+            actions[f"{side} depth"] = lambda t, d, g=guide: self._cross_plate(t, g, d)
+            actions[f"{side} force"] = lambda t, d, g=guide: self._cross_force(t, g, d)
+            actions[f"{side} plate"] = lambda t, d, g=guide: self._meet_rigid(t, g)
+            actions[f"{side} kink"] = lambda t, d, g=guide: self._pass_kink(t, g, d)
+        return actions
 
     def _pass_kink(self, time: float, guide: Guide, direction: int) -> None:
         """Change the sign of the root in the slider's position."""

@@ -206,20 +206,20 @@ class Equations:
         scene, at = self.scene, self.parameters
         reaction, weighs = float(scene["effects.reaction"]), float(scene["effects.mass_weight"])
         inertia = scene["motor.gear_ratio"] ** 2 * scene["motor.rotor_inertia"] + scene["motor.crank_inertia"]
-        own, coupled, torque = hy.expression(inertia), hy.expression(0.0), self.constant * self.current
+        crank_inertia, coupled, torque = hy.expression(inertia), hy.expression(0.0), self.constant * self.current
         for guide in self.guides:
             torque += guide.pull * guide.slope
         for part in self.linkage:
             torque -= part.mass * part.slope * (
                 part.bend * self.omega * self.omega + reaction * (part.along * body[0] + part.up * body[1])
                 + weighs * (part.along * self.downhill + part.up * self.down))
-            own += part.mass * part.slope * part.slope
+            crank_inertia += part.mass * part.slope * part.slope
             coupled += reaction * part.mass * part.slope * (part.along * felt[0] + part.up * felt[1])
         self.torque = torque
         self.coupling = [*(sum((getattr(part, way) * part.mass * part.slope for part in self.linkage),
-                               hy.expression(0.0)) for way in ("along", "up")), own]
+                               hy.expression(0.0)) for way in ("along", "up")), crank_inertia]
         resisted = scene["motor.damping"] * self.omega + at["bearing"] * scene["motor.friction"]
-        return at["turns"] * (torque - resisted) / (own + coupled)
+        return at["turns"] * (torque - resisted) / (crank_inertia + coupled)
 
     def _guide(self, side: str, angle: float) -> Guide:
         scene, at = self.scene, self.parameters
@@ -455,46 +455,46 @@ class Equations:
 
     def guards(self) -> dict[str, hy.expression]:
         """Expressions whose zeros end a mode, by name; a guard that a mode does not have is switched to a constant."""
-        at, found = self.parameters, {}
+        at, expressions = self.parameters, {}
         for guide in self.guides:
             side = guide.side
             if guide.kind == "compliant":
-                found[f"{side} depth"] = guide.depth
+                expressions[f"{side} depth"] = guide.depth
             if guide.watches_force:
                 watch = at[f"{side}.watch"]
-                found[f"{side} force"] = watch * (guide.push + at[f"{side}.offset"]) + (1.0 - watch)
+                expressions[f"{side} force"] = watch * (guide.push + at[f"{side}.offset"]) + (1.0 - watch)
             if guide.kind == "restitution":
                 free = at[f"{side}.free"]
-                found[f"{side} plate"] = free * guide.depth - (1.0 - free) * self.forces[side]
+                expressions[f"{side} plate"] = free * guide.depth - (1.0 - free) * self.forces[side]
             if guide.has_kink:
-                found[f"{side} kink"] = guide.crank
+                expressions[f"{side} kink"] = guide.crank
         if self.has_dry_friction:
             stick, slip = at["stick"], at["slip"]
             forward, backward = (self.static_frictions[sign] * self.normal for sign in (1.0, -1.0))
-            found["body forward"] = (stick * (forward - self.inertial) + slip * self.velocity
+            expressions["body forward"] = (stick * (forward - self.inertial) + slip * self.velocity
                                      + (1.0 - stick - slip))
             if self.scene["effects.friction"] == "stribeck":
                 faded = at["direction"] * self.velocity - _FADED * self.scene["ground.stribeck_speed"]
-                found["decay"] = slip * faded + (1.0 - slip)
-            found["body backward"] = stick * (backward + self.inertial) + (1.0 - stick)
+                expressions["decay"] = slip * faded + (1.0 - slip)
+            expressions["body backward"] = stick * (backward + self.inertial) + (1.0 - stick)
         if self.hops:
-            found["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
+            expressions["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
         elif self.has_dry_friction and self.rule == "unilateral":
-            found["normal"] = self.normal + at["normal_offset"]
+            expressions["normal"] = self.normal + at["normal_offset"]
         if self.has_rotor:
-            found |= self._motor_guards()
-        return found
+            expressions |= self._motor_guards()
+        return expressions
 
     def _motor_guards(self) -> dict[str, hy.expression]:
         """Guards of the bearing and of the current loop."""
-        at, scene, found = self.parameters, self.scene, {}
+        at, scene, expressions = self.parameters, self.scene, {}
         if static := scene["motor.static_friction"]:
             turns = at["turns"]
-            found["crank forward"] = turns * self.omega + (1.0 - turns) * (static - self.torque)
-            found["crank backward"] = (1.0 - turns) * (static + self.torque) + turns
+            expressions["crank forward"] = turns * self.omega + (1.0 - turns) * (static - self.torque)
+            expressions["crank backward"] = (1.0 - turns) * (static + self.torque) + turns
         if self.has_current_loop:
             within, supply = at["within"], scene["motor.supply_voltage"]
-            found["upper limit"] = (within * (supply - self.wanted_voltage) + at["loop_offset"]
+            expressions["upper limit"] = (within * (supply - self.wanted_voltage) + at["loop_offset"]
                                     + (1.0 - within) * (at["limit"] * self.wanted_voltage - supply))
-            found["lower limit"] = within * (supply + self.wanted_voltage + at["loop_offset"]) + (1.0 - within)
-        return found
+            expressions["lower limit"] = within * (supply + self.wanted_voltage + at["loop_offset"]) + (1.0 - within)
+        return expressions

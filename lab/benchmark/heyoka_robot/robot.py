@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmark.heyoka_robot.contacts import Body, Plates
 from benchmark.heyoka_robot.equations import Equations
-from benchmark.heyoka_robot.run_state import RunState, Series
+from benchmark.heyoka_robot.run_state import GuardSeries, IntegrationState
 from vibro_lab.accuracy.programs import COLUMNS
 from vibro_ros import Scene
 
@@ -77,8 +77,8 @@ class HeyokaRobot:
         self._integrator = hy.taylor_adaptive(sys=equations.system, state=[0.0] * len(equations.system), tol=tolerance,
                                               t_events=events)
         self._state, self._parameters = self._integrator.state, self._integrator.pars
-        self._run = RunState(equations, self._state, self._parameters)
-        series = Series(equations, self._state, self._parameters)
+        self._run = IntegrationState(equations, self._state, self._parameters)
+        series = GuardSeries(equations, self._state, self._parameters)
         self._body = Body(equations, self._run, series)
         self._contacts = Plates(equations, self._run, self._body, series)
         self._motor: DcMotor | GivenMotor = GivenMotor(scene, self._run)
@@ -221,14 +221,14 @@ class HeyokaRobot:
         self._integrator.time = 0.0
 
     def _driven(self, t: np.ndarray, points: np.ndarray) -> np.ndarray:
-        found = np.zeros((len(t), len(DRIVEN)))
-        found[:, :5] = self._motor.driven(t, points)
+        driven = np.zeros((len(t), len(DRIVEN)))
+        driven[:, :5] = self._motor.driven(t, points)
         for guide in self._equations.guides:
             if guide.kind != "none":
                 column = DRIVEN.index(f"{guide.side}_plate_position")
                 speed = self._plate_speeds[guide.side]
-                found[:, column], found[:, column + 1] = self._plates[guide.side] + speed * t, speed
-        return found
+                driven[:, column], driven[:, column + 1] = self._plates[guide.side] + speed * t, speed
+        return driven
 
     def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, np.ndarray]:
         """Samples and what is driven at `times` [s], which are counted as now, on the way to `stop` [s]."""
@@ -246,19 +246,19 @@ class HeyokaRobot:
     def _propagate(self, times: np.ndarray, stop: float) -> np.ndarray:
         """States at `times` [s] on the way to `stop` [s], in steps that are short during short bounces."""
         integrator, run = self._integrator, self._run
-        parts, found = [], 0
+        parts, done = [], 0
         while True:
             now, flight = integrator.time, run.short_flight
             integrator.time = now  # heyoka's time has a second double, by which the grid's first instant may lie behind
             end = min(stop, now + 1.5 * flight) if flight else stop
-            within = times[found:np.searchsorted(times, end, side="right")]
-            before = [now] if not len(within) or within[0] > now else []
-            after = [end] if end > (within[-1] if len(within) else now) else []
+            within = times[done:np.searchsorted(times, end, side="right")]
+            leading = [now] if not len(within) or within[0] > now else []
+            trailing = [end] if end > (within[-1] if len(within) else now) else []
             run.short_flight = 0.0
             outcome, *_, points = integrator.propagate_grid(
-                np.concatenate([before, within, after]), max_delta_t=1.5 * flight if flight else math.inf)
-            parts.append(points[len(before):len(before) + len(within)])
-            found += len(parts[-1])
+                np.concatenate([leading, within, trailing]), max_delta_t=1.5 * flight if flight else math.inf)
+            parts.append(points[len(leading):len(leading) + len(within)])
+            done += len(parts[-1])
             if outcome == hy.taylor_outcome.time_limit:
                 if end == stop:
                     return np.concatenate(parts)
@@ -269,7 +269,7 @@ class HeyokaRobot:
 class GivenMotor:
     """A motor whose speed follows from the commands alone: `ideal`, `ramp` or `lag`."""
 
-    def __init__(self, scene: Scene, run: RunState):
+    def __init__(self, scene: Scene, run: IntegrationState):
         self._scene, self._run, self._kind = scene, run, scene["effects.motor"]
 
     def start(self, angle: float) -> None:
@@ -310,13 +310,13 @@ class GivenMotor:
 
     def driven(self, times: np.ndarray, points: np.ndarray) -> np.ndarray:
         """theta, theta', V, i, and theta'' `times` [s] after now, shape (n, 5)."""
-        found = np.zeros((len(times), 5))
-        found[:, 0], found[:, 1] = self._at(times)
-        found[:, 4] = self._change
+        driven = np.zeros((len(times), 5))
+        driven[:, 0], driven[:, 1] = self._at(times)
+        driven[:, 4] = self._change
         if self._kind == "lag":
             lag = self._scene["motor.time_constant"]
-            found[:, 4] *= -np.exp(-times / lag) / lag
-        return found
+            driven[:, 4] *= -np.exp(-times / lag) / lag
+        return driven
 
     def _set(self) -> None:
         change = {"ideal": 0.0, "lag": self._speed - self._target,
@@ -344,7 +344,7 @@ class DcMotor:
         What is called with the time [s] when theta'' has jumped.
     """
 
-    def __init__(self, equations: Equations, run: RunState):
+    def __init__(self, equations: Equations, run: IntegrationState):
         self._equations, self._run, self._scene = equations, run, equations.scene
         self._theta, self._omega = equations.crank, equations.crank + 1
         scene = equations.scene
@@ -483,13 +483,13 @@ class DcMotor:
 
     def _cross_limit(self, time: float, limit: float) -> None:
         """Change the state of the current loop, whose guard is put on the new side of zero."""
-        before = self._limit
+        previous_limit = self._limit
         self._enter_limit(limit)
         wanted = self._run.wanted_voltage(time)
         if limit:
             guard = limit * wanted - self._supply
         else:
-            guard = self._supply - before * wanted
+            guard = self._supply - previous_limit * wanted
         self._run.set_parameter("loop_offset", _VOLTAGE_NUDGE - guard)
 
     def _enter_limit(self, limit: float) -> None:
@@ -503,10 +503,10 @@ class DcMotor:
         Voltage and current follow from the state alone, for voltage and current are continuous where the current loop
         meets a limit.
         """
-        scene, found = self._scene, np.zeros((len(times), 5))
-        found[:, :2] = points[:, self._theta:self._theta + 2]
+        scene, driven = self._scene, np.zeros((len(times), 5))
+        driven[:, :2] = points[:, self._theta:self._theta + 2]
         resistance, inductance = scene["motor.winding_resistance"], scene["motor.winding_inductance"]
-        back = self._equations.constant * found[:, 1]
+        back = self._equations.constant * driven[:, 1]
         current = points[:, self._theta + 2] if inductance else np.full(len(times), self._held)
         voltage = np.full(len(times), self._held)
         if self._equations.has_current_loop:
@@ -517,5 +517,5 @@ class DcMotor:
             current = current if inductance else np.where(wanted == voltage, current, (voltage - back) / resistance)
         elif not inductance:
             current = (voltage - back) / resistance
-        found[:, 2], found[:, 3] = voltage, current
-        return found
+        driven[:, 2], driven[:, 3] = voltage, current
+        return driven

@@ -17,7 +17,7 @@ _POWERS = 6
 _NOISE = 64.0 * np.finfo(float).eps
 
 
-class RunState:
+class IntegrationState:
     """The integrator's own arrays `state` and `parameters`, which are changed in place, and the list of events.
 
     Attributes
@@ -90,8 +90,8 @@ class RunState:
 
     def coupling(self, time: float) -> tuple[float, float, float]:
         """`Equations.coupling` of a dc motor at `time` [s]; zero of another."""
-        found = self._read(time)[self._rise_index + 3:].tolist()
-        return tuple(found) if found else (0.0, 0.0, 0.0)
+        coupling = self._read(time)[self._rise_index + 3:].tolist()
+        return tuple(coupling) if coupling else (0.0, 0.0, 0.0)
 
     def announce_flight(self, flight: float) -> None:
         """Store that a bounce ends after about `flight` [s], if heyoka needs short steps to find that end."""
@@ -119,7 +119,7 @@ class RunState:
         self.events[number] = began, kind, speed, self.time_origin + time - began
 
 
-class Series:
+class GuardSeries:
     """Taylor coefficients of a scene's guards, from an integrator without events.
 
     A start, a command or an event may leave a guard exactly at zero; the sign just after decides the mode.
@@ -173,7 +173,7 @@ class Series:
         if equations.scene["effects.misprint"]:
             stiffness = float(self._parameters[equations.parameters.number["inclined.spring"]])
             noise += 2.0 * stiffness * self._rounding[:_POWERS]
-        normal, inertial = (_derivative(one)[:_POWERS] for one in series[-2:])
+        normal, inertial = (_derivative(integral)[:_POWERS] for integral in series[-2:])
         return normal, inertial, noise
 
 

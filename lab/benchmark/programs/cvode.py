@@ -39,10 +39,10 @@ def _plain(problem, callbacks, rtol):
     def run():
         callbacks.begin(start(problem))
         solver = CVODE(callbacks.smooth, method="BDF", rtol=rtol, atol=_DIGITS * rtol, max_num_steps=10**7)
-        found = solver.solve(np.array(problem.times), start(problem))
-        if not found.success:
-            raise UnableError(str(found.message))
-        return Answer(found.y, callbacks=callbacks.seconds)
+        solution = solver.solve(np.array(problem.times), start(problem))
+        if not solution.success:
+            raise UnableError(str(solution.message))
+        return Answer(solution.y, callbacks=callbacks.seconds)
 
     return run
 
@@ -65,12 +65,12 @@ def _steps(times, callbacks, rtol):
                        first_step=brief if brief < end - t else 0.0)
         solver.init_step(t, y)
         for stop in (time for time in times if time > t):
-            found = solver.step(stop, tstop=end)
-            if not found.success:
-                raise UnableError(str(found.message))
-            state = np.array(found.y)
-            which = None if found.i_events is None else int(np.flatnonzero(np.ravel(found.i_events))[0])
-            yield float(found.t), lambda time, state=state: state, which
+            step = solver.step(stop, tstop=end)
+            if not step.success:
+                raise UnableError(str(step.message))
+            state = np.array(step.y)
+            which = None if step.i_events is None else int(np.flatnonzero(np.ravel(step.i_events))[0])
+            yield float(step.t), lambda time, state=state: state, which
             if which is not None:
                 return
 

@@ -54,10 +54,10 @@ def _plain(problem, p, rtol):
 
     @jax.jit
     def solve(y):
-        found = diffrax.diffeqsolve(
+        solution = diffrax.diffeqsolve(
             diffrax.ODETerm(slope), diffrax.Tsit5(), 0.0, times[-1], _FIRST_STEP, y, saveat=diffrax.SaveAt(ts=times),
             throw=False, stepsize_controller=_control(rtol), max_steps=_MOST_STEPS)
-        return found.ys, found.result == diffrax.RESULTS.successful
+        return solution.ys, solution.result == diffrax.RESULTS.successful
 
     def run():
         states, success = solve(first)
@@ -80,12 +80,12 @@ def _from_event_to_event(problem, p, rtol):
 
     @jax.jit
     def solve(t, y, first_step, mode):
-        found = diffrax.diffeqsolve(
+        solution = diffrax.diffeqsolve(
             diffrax.ODETerm(slope), diffrax.Dopri8(), t, grid[-1], first_step, y, mode, throw=False, event=event,
             saveat=diffrax.SaveAt(ts=jnp.maximum(grid, t), t1=True), max_steps=_MOST_STEPS,
             stepsize_controller=_control(rtol))
-        good = (found.result == diffrax.RESULTS.successful) | (found.result == diffrax.RESULTS.event_occurred)
-        return found.ts, found.ys, found.result == diffrax.RESULTS.event_occurred, good
+        good = (solution.result == diffrax.RESULTS.successful) | (solution.result == diffrax.RESULTS.event_occurred)
+        return solution.ts, solution.ys, solution.result == diffrax.RESULTS.event_occurred, good
 
     def integrate(t, y, end, brief):
         ground, bounds = callbacks.mode[2], np.empty(4)
@@ -120,15 +120,16 @@ def _touches(p, position, speed, plate, stiff, damp):
 
 def _forces(p, t, y, upper, inclined):
     """F2 and F3 of `benchmark.equations` [N]."""
-    def one(q, v, sine, cosine, rod, k, c, plate, stiff, damp, closed):
+    def guide_force(q, v, sine, cosine, rod, k, c, plate, stiff, damp, closed):
         ct, st = jnp.cos(p.omega * t), jnp.sin(p.omega * t)
         ca, sa = ct * cosine + st * sine, st * cosine - ct * sine
         root = jnp.sqrt(rod * rod - p.radius * p.radius * sa * sa)
         drive = k * (q - p.radius * ca - root) + c * (v + p.radius * sa * (1.0 + p.radius * ca / root) * p.omega)
         return drive if np.isinf(plate) else drive + jnp.where(closed, stiff * (q - plate) + damp * v, 0.0)
 
-    return (one(y[0], y[1], 0.0, 1.0, p.L2, p.k2, p.c2, p.plate2, p.k4, p.c4, upper) + p.m2 * p.heavy if p.m2 else 0.0,
-            one(y[2], y[3], p.sine, p.cosine, p.L3, p.k3, p.c3, p.plate3, p.k1, p.c1, inclined)
+    return (guide_force(y[0], y[1], 0.0, 1.0, p.L2, p.k2, p.c2, p.plate2, p.k4, p.c4, upper)
+            + p.m2 * p.heavy if p.m2 else 0.0,
+            guide_force(y[2], y[3], p.sine, p.cosine, p.L3, p.k3, p.c3, p.plate3, p.k1, p.c1, inclined)
             + p.m3 * p.heavy * p.cosine if p.m3 else 0.0)
 
 
@@ -136,19 +137,19 @@ def _rates(p, y, f2, f3, slide, ground):
     """Return N and the derivative of the state, as `benchmark.equations.accelerations`: all cases are computed, and the
     one of `ground` is selected.
     """
-    inward, weight, own = -f3 * p.sine, p.total * p.g, p.reaction * p.m3
+    inward, weight, reacting_mass = -f3 * p.sine, p.total * p.g, p.reaction * p.m3
     air, stick = ground == AIR, ground == STICK
     pressed = jnp.where(air | (p.rule != 0), weight - f2 - f3 * p.cosine, weight)
     up = p.cosine if p.rule else 0.0
-    along, across = p.total - own * p.sine * p.sine, own * p.sine * p.cosine
-    high = p.total - p.reaction * p.m2 - own * p.cosine * p.cosine
+    along, across = p.total - reacting_mass * p.sine * p.sine, reacting_mass * p.sine * p.cosine
+    high = p.total - p.reaction * p.m2 - reacting_mass * p.cosine * p.cosine
     scale, rub = 1.0 / (along * high - across * across), p.mu * slide
-    on_ground = (inward - rub * pressed) / (p.total - own * p.sine * (p.sine - rub * up))
+    on_ground = (inward - rub * pressed) / (p.total - reacting_mass * p.sine * (p.sine - rub * up))
     ax = jnp.where(air, scale * (high * inward + across * pressed), jnp.where(stick, 0.0, on_ground))
     ay = jnp.where(air, -scale * (along * pressed + across * inward), 0.0)
     au = -f2 / p.m2 - p.reaction * ay if p.m2 else 0.0
     aw = -f3 / p.m3 + p.reaction * (p.sine * ax - p.cosine * ay) if p.m3 else 0.0
-    return jnp.where(air, 0.0, pressed + own * p.sine * up * ax), jnp.stack(
+    return jnp.where(air, 0.0, pressed + reacting_mass * p.sine * up * ax), jnp.stack(
         [jnp.asarray(value, float) for value in (y[1], au, y[3], aw, y[5], ax, y[7], ay)])
 
 
@@ -157,17 +158,17 @@ def _guards(p, t, y, mode):
 
     Forces are scaled down, because the bisection ends when both time and guard change by less than its tolerance.
     """
-    found, ground, small = [], mode[2], 1e-7
+    values, ground, small = [], mode[2], 1e-7
     for q, v, plate, stiff, damp, closed in ((y[0], y[1], p.plate2, p.k4, p.c4, mode[0]),
                                              (y[2], y[3], p.plate3, p.k1, p.c1, mode[1])):
         depth = q - plate
         inside = depth if p.adhesion else jnp.minimum(depth, (stiff * depth + damp * v) / max(stiff, 1.0))
-        found.append(jnp.asarray(1.0) if np.isinf(plate) else jnp.where(closed != 0, inside, -inside))
+        values.append(jnp.asarray(1.0) if np.isinf(plate) else jnp.where(closed != 0, inside, -inside))
     f2, f3 = _forces(p, t, y, mode[0] != 0, mode[1] != 0)
     normal = _rates(p, y, f2, f3, jnp.where(ground == STICK, 0.0, ground.astype(float)), ground)[0]
     free = -small * normal if p.mu > 0.0 and p.rule else 1.0
     cases = [ground == AIR, ground == STICK, ground == FREE]
-    found.append(jnp.select(cases, [y[6], small * (p.mu * normal + f3 * p.sine), 1.0], ground * y[5]))
-    found.append(jnp.select(cases, [1.0, small * (p.mu * normal - f3 * p.sine), free],
+    values.append(jnp.select(cases, [y[6], small * (p.mu * normal + f3 * p.sine), 1.0], ground * y[5]))
+    values.append(jnp.select(cases, [1.0, small * (p.mu * normal - f3 * p.sine), free],
                             small * normal if p.rule else 1.0))
-    return found
+    return values

@@ -51,10 +51,10 @@ def prepare(problem, setting):
 
     def run():
         try:
-            found = robot.integrate(problem.times, commands)
+            solution = robot.integrate(problem.times, commands)
         except (RuntimeError, ValueError) as error:
             raise UnableError(f"heyoka: {error}") from error
-        return Answer(found.samples, lambda: ordered_events(found.events))
+        return Answer(solution.samples, lambda: ordered_events(solution.events))
 
     return run
 
@@ -80,11 +80,11 @@ def _ball(problem, setting):
         while len(landings) < _MOST_LANDINGS:
             integrator.time = now = integrator.time  # drops the low part, with which the grid would start too early
             later = times[done:]
-            before = [now] if later[0] > now else []
-            outcome, *_, found = integrator.propagate_grid(np.concatenate([before, later]), max_delta_t=longest)
-            found = found[len(before):]
-            rows[done:done + len(found), 6:] = found
-            done += len(found)
+            leading = [now] if later[0] > now else []
+            outcome, *_, points = integrator.propagate_grid(np.concatenate([leading, later]), max_delta_t=longest)
+            points = points[len(leading):]
+            rows[done:done + len(points), 6:] = points
+            done += len(points)
             if outcome == hy.taylor_outcome.time_limit:
                 return Answer(rows, lambda: event_array(landings))
             fall = -integrator.state[1]

@@ -39,11 +39,11 @@ def _plain(problem, callbacks, rtol):
 
     def run():
         callbacks.begin(start(problem))
-        found = solve_ivp(_returned(callbacks.smooth, 8), (0.0, problem.times[-1]), start(problem),
+        solution = solve_ivp(_returned(callbacks.smooth, 8), (0.0, problem.times[-1]), start(problem),
                           t_eval=problem.times, rtol=rtol, atol=1e-3 * rtol)
-        if not found.success:
-            raise UnableError(found.message)
-        return Answer(found.y.T, callbacks=callbacks.seconds)
+        if not solution.success:
+            raise UnableError(solution.message)
+        return Answer(solution.y.T, callbacks=callbacks.seconds)
 
     return run
 
@@ -65,20 +65,20 @@ def _steps(callbacks, rtol):
     def integrate(t, y, end, brief):
         solver = DOP853(slope, t, y, end, rtol=max(rtol, 3e-14), atol=1e-3 * rtol,
                         first_step=min(_FIRST_STEP, brief, end - t))
-        before = guards(t, y)
+        previous = guards(t, y)
         while solver.status == "running":
             if solver.step():
                 raise UnableError("the step became too small")
-            now, after = solver.t, guards(solver.t, solver.y)
+            now, values = solver.t, guards(solver.t, solver.y)
             dense = solver.dense_output()
             roots = [(_root(guards, dense, k, solver.t_old, now), k)
-                     for k in range(len(after)) if before[k] > 0.0 >= after[k]]
-            roots += [(solver.t_old, k) for k in (0, 1) if after[k] < before[k] <= 0.0]  # bounced off and came back
+                     for k in range(len(values)) if previous[k] > 0.0 >= values[k]]
+            roots += [(solver.t_old, k) for k in (0, 1) if values[k] < previous[k] <= 0.0]  # bounced off and came back
             if roots:
                 now, which = min(roots)
                 yield now, dense, which
                 return
-            before = after
+            previous = values
             yield now, dense, None
 
     return integrate

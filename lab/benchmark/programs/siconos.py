@@ -54,7 +54,7 @@ def prepare(problem, setting):
     push = 0.0 if p["reaction"] else 1.0
 
     def forces(t, q, v):
-        found = [0.0, -total * p["g"], 0.0, 0.0]
+        applied = [0.0, -total * p["g"], 0.0, 0.0]
         for k, (mass, angle, rod, spring, damper, stiff, damp, plate, weight) in enumerate(guides):
             if not mass:
                 continue
@@ -65,10 +65,10 @@ def prepare(problem, setting):
             if stiff and q[2 + k] > plate:
                 contact = stiff * (q[2 + k] - plate) + damp * v[2 + k]
                 force += contact if p["adhesion"] else max(contact, 0.0)
-            found[2 + k] = -force - weight
-            found[0] += push * force * (0.0, ex)[k]
-            found[1] += lift * force * (1.0, ey)[k]
-        return found
+            applied[2 + k] = -force - weight
+            applied[0] += push * force * (0.0, ex)[k]
+            applied[1] += lift * force * (1.0, ey)[k]
+        return applied
 
     def run():
         q = [problem.start[c] for c in ("x", "y", "u", "w")]
@@ -81,7 +81,7 @@ def prepare(problem, setting):
         model.link(contact, body)
         stepping = sk.TimeStepping(model, sk.TimeDiscretisation(0.0, step), sk.MoreauJeanOSI(1.0),
                                    sk.FrictionContact(2))
-        found, done = [[problem.start[c] for c in ("u", "du", "w", "dw", "x", "dx", "y", "dy")]], 0
+        samples, done = [[problem.start[c] for c in ("u", "du", "w", "dw", "x", "dx", "y", "dy")]], 0
         for time in problem.times[1:]:
             while done < round(time / step):
                 q, v = body.q(), body.velocity()
@@ -92,7 +92,7 @@ def prepare(problem, setting):
                 stepping.nextStep()
                 done += 1
             q, v = body.q(), body.velocity()
-            found.append([q[2], v[2], q[3], v[3], q[0], v[0], q[1], v[1]])
-        return Answer(lambda: np.array(found))
+            samples.append([q[2], v[2], q[3], v[3], q[0], v[0], q[1], v[1]])
+        return Answer(lambda: np.array(samples))
 
     return run

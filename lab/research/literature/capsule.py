@@ -65,21 +65,21 @@ def difference(capsule: Capsule, periods: int, rod: float = _ROD) -> float:
     It is proportional to 1/`rod`, like the rod's harmonics r²/(4 L), which are the only difference of the equations.
     """
     times = np.linspace(0.0, periods * capsule.period, _SAMPLES + 1)
-    own = -Simulator(capsule_scene(capsule, rod)).sample(times / _RATE).body_position / _LENGTH
-    other = integrate(capsule, times, harmonic(capsule, drive_phase(capsule)))[:, 2]
-    return float(np.max(np.abs(own - other)))
+    simulated = -Simulator(capsule_scene(capsule, rod)).sample(times / _RATE).body_position / _LENGTH
+    by_scipy = integrate(capsule, times, harmonic(capsule, drive_phase(capsule)))[:, 2]
+    return float(np.max(np.abs(simulated - by_scipy)))
 
 
 def outside_difference(capsule: Capsule, periods: int) -> float:
     """The same without the second spring; scipy's internal mass is driven from outside by the force m1 r Ω²."""
     scene = capsule_scene(capsule).with_parameters({"effects.inclined_contact": "none"})
     times = np.linspace(0.0, periods * capsule.period, _SAMPLES + 1)
-    own = Simulator(scene).sample(times / _RATE)
+    samples = Simulator(scene).sample(times / _RATE)
     reach = scene["crank.radius"] / _LENGTH
     free = Capsule(reach * capsule.omega**2, capsule.omega, 0.0, capsule.gamma, 0.0, capsule.xi)
     # Its internal mass has our position minus the slider's, r sin τ; so its speed at t = 0 is -r ω.
-    other = integrate(free, times, harmonic(free, -math.pi / 2.0, reaction=0.0), speed=-reach * capsule.omega)[:, 2]
-    return float(np.max(np.abs(-own.body_position / _LENGTH - other)))
+    by_scipy = integrate(free, times, harmonic(free, -math.pi / 2.0, reaction=0.0), speed=-reach * capsule.omega)[:, 2]
+    return float(np.max(np.abs(-samples.body_position / _LENGTH - by_scipy)))
 
 
 @dataclass(frozen=True)
@@ -118,28 +118,28 @@ class Survey:
     ----------
     machine : Capsule
         The machine, with the first of the mass ratios.
-    found : dict
+    progressions : dict
         Progressions from rest and from each random start, by mass ratio.
     """
 
     machine: Capsule
-    found: dict[float, tuple[Progression, ...]]
+    progressions: dict[float, tuple[Progression, ...]]
 
     def signs_from_rest(self) -> set[float]:
         """Directions, 1 and -1, of the settled progressions from rest over all mass ratios."""
-        return {math.copysign(1.0, runs[0].mean) for runs in self.found.values() if runs[0].settled}
+        return {math.copysign(1.0, runs[0].mean) for runs in self.progressions.values() if runs[0].settled}
 
     def opposed_ratios(self) -> list[float]:
         """Mass ratios at which different starts settle in opposite directions."""
         directions = {ratio: {math.copysign(1.0, run.mean) for run in runs if run.settled}
-                      for ratio, runs in self.found.items()}
+                      for ratio, runs in self.progressions.items()}
         return [ratio for ratio, both in directions.items() if len(both) == 2]
 
 
 def surveyed(job: tuple[Capsule, int]) -> Survey:
     """Survey a machine; `job` is the machine and the number of random starts, which are used beside rest."""
     machine, starts = job
-    found = {}
+    progressions = {}
     for ratio in RATIOS:
         scene = capsule_scene(Capsule(**{**vars(machine), "gamma": ratio}))
         period = 2.0 * math.pi / scene["motor.speed"]
@@ -147,8 +147,8 @@ def surveyed(job: tuple[Capsule, int]) -> Survey:
         for number in range(starts):
             device = started(scene, np.random.default_rng(number))
             runs.append(progression(device, period))
-        found[ratio] = tuple(runs)
-    return Survey(machine, found)
+        progressions[ratio] = tuple(runs)
+    return Survey(machine, progressions)
 
 
 def machines(count: int) -> list[Capsule]:
@@ -209,10 +209,10 @@ def _figure(surveys: Sequence[Survey]) -> Figure:
     figure = Figure(figsize=(7.0, 3.6), layout="constrained")
     axes = figure.subplots()
     for ratio in RATIOS:
-        runs = [run for survey in surveys for run in survey.found[ratio][:1] if run.settled]
+        runs = [run for survey in surveys for run in survey.progressions[ratio][:1] if run.settled]
         axes.plot(len(runs) * [ratio], [run.mean for run in runs], ".", color="tab:blue", alpha=0.3)
         opposed = [run.mean for survey in surveys if ratio in survey.opposed_ratios()
-                   for run in survey.found[ratio] if run.settled]
+                   for run in survey.progressions[ratio] if run.settled]
         axes.plot(len(opposed) * [ratio * 1.06], opposed, "x", color="tab:red")
     axes.axhline(0.0, color="black", lw=0.6)
     axes.set(xscale="log", xticks=RATIOS, xticklabels=[f"{ratio:g}" for ratio in RATIOS], yscale="symlog",

@@ -20,8 +20,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 
-class Guard:
-    """A function of time and state at whose passage through zero an integration by scipy ends.
+class TerminalEvent:
+    """An event of scipy's `solve_ivp`: a function of time and state at whose passage through zero an integration ends.
 
     Attributes
     ----------
@@ -106,10 +106,10 @@ class _Equations:
 
     def forces(self, time: float, state: np.ndarray, touched: bool) -> tuple[float, float]:
         """Forces on the internal mass, and on the capsule without friction."""
-        own, drive = self._capsule, self._drive
+        capsule, drive = self._capsule, self._drive
         stretch, speed = state[0] - state[2], state[1] - state[3]
         push = drive.push(time)
-        spring = stretch + 2.0 * own.xi * speed + (own.beta * (stretch - own.delta) if touched else 0.0)
+        spring = stretch + 2.0 * capsule.xi * speed + (capsule.beta * (stretch - capsule.delta) if touched else 0.0)
         return push - spring, spring - drive.reaction * push
 
     def rate(self, slides: int, touched: bool) -> Callable[[float, np.ndarray], list[float]]:
@@ -122,7 +122,7 @@ class _Equations:
             return [state[1], mass, state[3] if slides else 0.0, acceleration]
         return right
 
-    def guards(self, slides: int, touched: bool) -> list[Guard]:
+    def guards(self, slides: int, touched: bool) -> list[TerminalEvent]:
         """Guards that end a mode: the second spring's gap, and the end of sliding or of rest."""
         def gap(_time: float, state: np.ndarray) -> float:
             return state[0] - state[2] - self._capsule.delta
@@ -131,7 +131,8 @@ class _Equations:
             force = self.forces(time, state, touched)[1]
             return state[3] if slides else min(1.0 - force, self._capsule.grip + force)
 
-        return [Guard(gap, -1.0 if touched else 1.0), Guard(friction, -float(slides) if slides else -1.0)]
+        return [TerminalEvent(gap, -1.0 if touched else 1.0),
+                TerminalEvent(friction, -float(slides) if slides else -1.0)]
 
     def next_slides(self, time: float, state: np.ndarray, touched: bool, slides: int) -> int:
         """Direction of sliding after the friction's guard, 0 for rest."""
@@ -169,7 +170,7 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
     equations, state, time = _Equations(capsule, drive), np.array([0.0, speed, 0.0, 0.0]), 0.0
     touched = capsule.delta < 0.0
     slides = equations.next_slides(0.0, state, touched, 1)
-    found, done = np.empty((len(times), 4)), 0
+    states, done = np.empty((len(times), 4)), 0
     while done < len(times):
         piece = solve_ivp(equations.rate(slides, touched), (time, times[-1]), state, method="DOP853",
                           rtol=tolerance, atol=tolerance, max_step=capsule.period / _STEPS_A_PERIOD,
@@ -179,7 +180,7 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
             raise RuntimeError(f"the capsule at {time:g}: {piece.message}")
         upto = len(times) if piece.status == 0 else int(np.searchsorted(times, piece.t[-1]))
         if upto > done:
-            found[done:upto] = piece.sol(times[done:upto]).T
+            states[done:upto] = piece.sol(times[done:upto]).T
         done, time, state = upto, piece.t[-1], piece.y[:, -1].copy()
         if piece.status == 0:
             break
@@ -188,4 +189,4 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
         else:
             state[3] = 0.0 if slides else state[3]
             slides = equations.next_slides(time, state, touched, slides)
-    return found
+    return states

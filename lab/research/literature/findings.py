@@ -97,8 +97,8 @@ def section(finding: Finding, picture: str) -> str:
                      for check in finding.checks]),
              _table(["published", "this model", "verdict", "rule of the verdict"],
                     [(row.statement, row.ours, f"**{row.verdict}**",
-                      "as above" if before and before.rule == row.rule else row.rule)
-                     for before, row in pairwise((None, *finding.claims)) if row]),
+                      "as above" if previous and previous.rule == row.rule else row.rule)
+                     for previous, row in pairwise((None, *finding.claims)) if row]),
              f"![{finding.title}]({picture})", f"Missing: {finding.missing}"]
     return "\n\n".join(parts)
 

@@ -80,14 +80,14 @@ def motions(gap: float, motor: float, starts: int) -> list[Moved]:
     The impact speeds of a motion are those of the start whose mean speed is nearest to the motion's.
     """
     scene = robot_scene(gap, motor)
-    found = attractors(scene, starts).drawn
-    runs = [run(scene, number) for number in range(1 if found.single else starts)]
+    drawn = attractors(scene, starts).drawn
+    runs = [run(scene, number) for number in range(1 if drawn.single else starts)]
     moved = []
-    for one in found:
-        _, approach = min(runs, key=lambda run: abs(run[0] - one.mean_speed))
-        words = (f"{one.in_words().removeprefix('-')} ({one.starts} of {starts} starts, {100.0 * one.low:.0f} to "
-                 f"{100.0 * one.high:.0f} %)")
-        moved.append(Moved(gap, motor, -one.mean_speed, one.spread, one.share, words, approach))
+    for attractor in drawn:
+        _, approach = min(runs, key=lambda run: abs(run[0] - attractor.mean_speed))
+        words = (f"{attractor.in_words().removeprefix('-')} ({attractor.starts} of {starts} starts, "
+                 f"{100.0 * attractor.low:.0f} to {100.0 * attractor.high:.0f} %)")
+        moved.append(Moved(gap, motor, -attractor.mean_speed, attractor.spread, attractor.share, words, approach))
     return moved
 
 
@@ -137,8 +137,8 @@ def difference(gap: float, motor: float) -> float:
     """Largest difference [m] of the body's position from scipy's within `CHECKED_TURNS`, from rest at the slider."""
     robot = in_units(gap, motor)
     times = np.linspace(0.0, CHECKED_TURNS * robot.capsule.period, _SAMPLES + 1)
-    own = -Simulator(robot_scene(gap, motor)).sample(times * robot.time).body_position
-    return float(np.max(np.abs(own - robot.length * integrate(robot.capsule, times, robot.drive)[:, 2])))
+    simulated = -Simulator(robot_scene(gap, motor)).sample(times * robot.time).body_position
+    return float(np.max(np.abs(simulated - robot.length * integrate(robot.capsule, times, robot.drive)[:, 2])))
 
 
 NAME = "gap"
@@ -150,25 +150,28 @@ def study(quick: bool) -> Studied:
     starts = 2 if quick else STARTS
     gaps = (*GAPS[:-1:4], GAPS[-1]) if quick else GAPS
     scenes = [(gap, motor) for motor in MOTORS for gap in gaps]
-    found = [one for gap, motor in tqdm(scenes, "gap: gaps", disable=None) for one in motions(gap, motor, starts)]
-    curves = {motor: [one for one in found if one.motor == motor] for motor in MOTORS}
+    all_motions = [motion for gap, motor in tqdm(scenes, "gap: gaps", disable=None)
+                   for motion in motions(gap, motor, starts)]
+    curves = {motor: [motion for motion in all_motions if motion.motor == motor] for motor in MOTORS}
     finding = Finding(
         NAME, "Impact gap and speed", _SOURCES, _CONTAINED, _MAPPING,
         (Check(f"body's position over {CHECKED_TURNS} turns, exact against scipy's DOP853, in m; gap 10 mm, 100 rad/s",
                difference(0.010, 100.0), _BOUND),),
-        (*(claim(curve) for curve in curves.values()), _UNREAD), f"{_MISSING} {_several(found, starts)}")
+        (*(claim(curve) for curve in curves.values()), _UNREAD), f"{_MISSING} {_several(all_motions, starts)}")
     return Studied(finding, lambda: _figure(curves))
 
 
 def claim(curve: Sequence[Moved]) -> Claim:
     """Judge the rule that the fastest impacts make the robot fastest, at one motor speed; `curve` is ordered by gap."""
     frequent = _frequent(curve)
-    with_plate = [one for one in frequent if math.isfinite(one.gap)]
-    fastest, hardest = max(with_plate, key=lambda one: one.speed), max(with_plate, key=lambda one: one.approach)
+    with_plate = [motion for motion in frequent if math.isfinite(motion.gap)]
+    fastest = max(with_plate, key=lambda motion: motion.speed)
+    hardest = max(with_plate, key=lambda motion: motion.approach)
     same = abs(fastest.gap - hardest.gap) <= with_plate[1].gap - with_plate[0].gap + 1e-9
     equal = fastest.speed - hardest.speed <= math.hypot(fastest.spread, hardest.spread)
     blows = "" if fastest.approach else ", without a blow"
-    without = "".join(f"; without any plate it moves at {one.words}" for one in frequent if math.isinf(one.gap))
+    without = "".join(f"; without any plate it moves at {motion.words}" for motion in frequent
+                      if math.isinf(motion.gap))
     at_end = fastest in (with_plate[0], with_plate[-1])
     end = f", an end of the scan, so that no best gap is known{without}" if at_end else ""
     return Claim(
@@ -182,17 +185,18 @@ def claim(curve: Sequence[Moved]) -> Claim:
 def _frequent(curve: Iterable[Moved]) -> list[Moved]:
     """The motion of most starts at each gap, in the order of the gaps."""
     most = dict[float, Moved]()
-    for one in curve:
-        most.setdefault(one.gap, one)
+    for motion in curve:
+        most.setdefault(motion.gap, motion)
     return list(most.values())
 
 
-def _several(found: Sequence[Moved], starts: int) -> str:
+def _several(all_motions: Sequence[Moved], starts: int) -> str:
     """Sentences on the gaps that have several motions."""
-    scenes = list(dict.fromkeys((one.gap, one.motor) for one in found))
-    there = {scene: [one.words for one in found if (one.gap, one.motor) == scene] for scene in scenes}
+    scenes = list(dict.fromkeys((motion.gap, motion.motor) for motion in all_motions))
+    words_of = {scene: [motion.words for motion in all_motions if (motion.gap, motion.motor) == scene]
+                for scene in scenes}
     named = [f"\n- {1e3 * gap:g} mm, {motor:g} rad/s: {'; '.join(words)}"
-             for (gap, motor), words in there.items() if len(words) > 1]
+             for (gap, motor), words in words_of.items() if len(words) > 1]
     if not named:
         return f"All {starts} starts of each gap lead to one motion."
     return (f"Of {len(scenes)} pairs of gap and motor speed, these have several motions from {starts} starts; each of "
@@ -203,18 +207,18 @@ def _figure(curves: Mapping[float, Sequence[Moved]]) -> Figure:
     figure = Figure(figsize=(7.0, 4.8), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     for motor, curve in curves.items():
-        shown = [one for one in curve if math.isfinite(one.gap)]
-        areas = [4.0 + 30.0 * one.share for one in shown]
-        gaps = [1e3 * one.gap for one in shown]
-        points = upper.scatter(gaps, [one.speed for one in shown], areas, label=f"{motor:g} rad/s")
-        lower.scatter(gaps, [one.approach for one in shown], areas)
+        shown = [motion for motion in curve if math.isfinite(motion.gap)]
+        areas = [4.0 + 30.0 * motion.share for motion in shown]
+        gaps = [1e3 * motion.gap for motion in shown]
+        points = upper.scatter(gaps, [motion.speed for motion in shown], areas, label=f"{motor:g} rad/s")
+        lower.scatter(gaps, [motion.approach for motion in shown], areas)
         color = points.get_facecolor()[0]
         for axes, name in ((upper, "speed"), (lower, "approach")):
-            axes.plot(*zip(*((1e3 * one.gap, getattr(one, name)) for one in _frequent(shown)), strict=True), lw=0.8,
-                      color=color)
-        for one in curve:
-            if math.isinf(one.gap):
-                upper.axhline(one.speed, lw=0.8, ls=":", color=color)
+            axes.plot(*zip(*((1e3 * motion.gap, getattr(motion, name)) for motion in _frequent(shown)), strict=True),
+                      lw=0.8, color=color)
+        for motion in curve:
+            if math.isinf(motion.gap):
+                upper.axhline(motion.speed, lw=0.8, ls=":", color=color)
     upper.set_ylabel("speed towards the\nplate in m/s")
     lower.set(xlabel="impact gap in mm; area of a point: share of the starts; dotted: without the plate",
               ylabel="speed at which the\nplate is hit in m/s")

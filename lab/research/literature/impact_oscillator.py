@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.stats import binomtest
 
-from research.literature.capsule_equations import Guard
+from research.literature.capsule_equations import TerminalEvent
 from research.literature.findings import FAILS, HOLDS, MISSIGNED, Check, Claim, Finding, Mapped, Studied
 from research.starts import computed
 from vibro_ros import Scene, Simulator
@@ -73,10 +73,10 @@ class Oscillator:
     def multipliers(self, turns: int, speed: float) -> np.ndarray:
         """Multipliers of the (1, `turns`) orbit with impact speed `speed`, shape (2,), complex."""
         a, _ = self.shape(turns)
-        own = self.restitution
+        restitution = self.restitution
         sine, cosine = math.sin(2.0 * math.pi * turns / self.omega), math.cos(2.0 * math.pi * turns / self.omega)
         push = (1.0 - self.omega**2) * (self.sigma + a * speed) - self.sigma  # acceleration at the impact
-        impact = np.array([[-own, 0.0], [(1.0 + own) * push / speed, -own]])
+        impact = np.array([[-restitution, 0.0], [(1.0 + restitution) * push / speed, -restitution]])
         return np.linalg.eigvals(np.array([[cosine, sine], [-sine, cosine]]) @ impact)
 
     def doubling_defect(self, turns: int) -> float:
@@ -96,7 +96,7 @@ def oscillator_scene(oscillator: Oscillator) -> Scene:
 
 
 @dataclass(frozen=True)
-class Motion:
+class ImpactMotion:
     """A settled motion: impacts and turns of its period, 0 if no period was found, and the impact speeds."""
 
     impacts: int
@@ -113,7 +113,7 @@ def started(oscillator: Oscillator, spin: float) -> Simulator:
     return device
 
 
-def settled(device: Simulator, oscillator: Oscillator, turns: int = _SETTLING) -> Motion:
+def settled(device: Simulator, oscillator: Oscillator, turns: int = _SETTLING) -> ImpactMotion:
     """Let a device settle for `turns` turns, and return its motion."""
     turn = 2.0 * math.pi / (oscillator.omega * _RATE)
     device.advance_to(device.time + turns * turn)
@@ -125,11 +125,11 @@ def settled(device: Simulator, oscillator: Oscillator, turns: int = _SETTLING) -
     for count in range(1, len(blows) // 3 + 1):
         if np.allclose(blows[count:], blows[:-count], rtol=_EQUAL, atol=0.0):
             took = round(_SEEN * count / len(blows))
-            return Motion(count, took, tuple(float(speed) for speed in blows[:count]))
-    return Motion(0, 0, tuple(float(speed) for speed in blows))
+            return ImpactMotion(count, took, tuple(float(speed) for speed in blows[:count]))
+    return ImpactMotion(0, 0, tuple(float(speed) for speed in blows))
 
 
-def followed(oscillator: Oscillator, start: float) -> Motion:
+def followed(oscillator: Oscillator, start: float) -> ImpactMotion:
     """Return the motion after the stop has been moved slowly from `start` to its position."""
     device = started(replace(oscillator, sigma=start), 1.0)
     settled(device, oscillator)
@@ -148,25 +148,25 @@ def difference(oscillator: Oscillator, turns: int) -> float:
     The stop of `oscillator` must lie beyond 1, where the mass is at its slider initially.
     """
     times = np.linspace(0.0, turns * 2.0 * math.pi / oscillator.omega, _SAMPLES + 1)
-    own = (Simulator(oscillator_scene(oscillator)).sample(times / _RATE).upper_position - _ROD) / _RADIUS
-    return float(np.max(np.abs(own - _by_scipy(oscillator, times))))
+    simulated = (Simulator(oscillator_scene(oscillator)).sample(times / _RATE).upper_position - _ROD) / _RADIUS
+    return float(np.max(np.abs(simulated - _by_scipy(oscillator, times))))
 
 
 def _by_scipy(oscillator: Oscillator, times: np.ndarray) -> np.ndarray:
     def right(time: float, state: np.ndarray) -> list[float]:
         return [state[1], math.cos(oscillator.omega * time) - state[0]]
 
-    stop = Guard(lambda _time, state: state[0] - oscillator.sigma, 1.0)
-    found, done, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
+    stop = TerminalEvent(lambda _time, state: state[0] - oscillator.sigma, 1.0)
+    positions, done, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
     while done < len(times):
         piece = solve_ivp(right, (time, times[-1]), state, method="DOP853", rtol=1e-12, atol=1e-13, max_step=0.1,
                           events=stop, dense_output=True)
         upto = len(times) if piece.status == 0 else int(np.searchsorted(times, piece.t[-1]))
         if upto > done:
-            found[done:upto] = piece.sol(times[done:upto])[0]
+            positions[done:upto] = piece.sol(times[done:upto])[0]
         done, time = upto, piece.t[-1]
         state = np.array([oscillator.sigma, -oscillator.restitution * piece.y[1, -1]])
-    return found
+    return positions
 
 
 NAME = "impact_oscillator"
@@ -186,7 +186,7 @@ class Compared:
 
     oscillator: Oscillator
     turns: int
-    motion: Motion
+    motion: ImpactMotion
 
     @property
     def error(self) -> float:
@@ -204,7 +204,7 @@ def compared(job: tuple[Oscillator, int]) -> Compared:
 
 def study(quick: bool) -> Studied:
     """Compare orbits, folds and period doublings; a tenth of the starts if `quick`."""
-    jobs = [(Oscillator(omega, 0.0, own), turns) for own in _RESTITUTIONS for omega, turns in _ORBITS]
+    jobs = [(Oscillator(omega, 0.0, restitution), turns) for restitution in _RESTITUTIONS for omega, turns in _ORBITS]
     jobs = [(replace(oscillator, sigma=place * oscillator.reach), turns)
             for oscillator, turns in jobs for place in _PLACES]
     rows = computed(compared, jobs, "impact_oscillator: orbits")
@@ -236,26 +236,26 @@ def _tilt() -> list[Claim]:
     claims = []
     for omega, side, words in ((1.9, -1.0, "negative"), (2.1, 1.0, "positive")):
         beyond = Oscillator(omega, 0.0, 0.8)
-        found = {sign: followed(replace(beyond, sigma=sign * 1.2 * beyond.reach), 0.0) for sign in (-1.0, 1.0)}
-        there = {sign: (motion.impacts, motion.turns) == (1, 1) for sign, motion in found.items()}
+        motions = {sign: followed(replace(beyond, sigma=sign * 1.2 * beyond.reach), 0.0) for sign in (-1.0, 1.0)}
+        exists = {sign: (motion.impacts, motion.turns) == (1, 1) for sign, motion in motions.items()}
         slope = beyond.shape(1)[0]
-        speed = found[-side].speeds[0] if there[-side] else math.nan
+        speed = motions[-side].speeds[0] if exists[-side] else math.nan
         claims.append(Claim(
             f"The ellipse is tilted into the {words} σ for ω {'<' if omega < 2 else '>'} 2n.",
             f"at ω = {omega:g} the simulated (1, 1) orbit exists at σ = {-side * 1.2 * beyond.reach:.3f} (V = "
             f"{speed:.3f}) and not at {side * 1.2 * beyond.reach:.3f}. So does the closed form: σ = c − a V with a = "
             f"(1 + r)/(2 tan(π n/ω)) = {slope:.3f}. The summary has the signs exchanged: where T exceeds π, the mass "
             "is longer below the stop than half a free oscillation, which needs σ > 0", verdict_of_tilt(
-                side, slope, there), "the side on which the settled orbit exists beyond abs(σ) = 1/abs(1 − ω²), and "
+                side, slope, exists), "the side on which the settled orbit exists beyond abs(σ) = 1/abs(1 − ω²), and "
             "the sign of −a: both as published holds, both reversed is a wrong sign"))
     return claims
 
 
-def verdict_of_tilt(side: float, slope: float, there: Mapping[float, bool]) -> str:
+def verdict_of_tilt(side: float, slope: float, exists: Mapping[float, bool]) -> str:
     """Verdict on a tilt to a published `side`, the sign of σ, from a of the closed form and the sides with an orbit."""
-    if there[side] == there[-side]:
+    if exists[side] == exists[-side]:
         return FAILS
-    seen = side if there[side] else -side
+    seen = side if exists[side] else -side
     return FAILS if -slope * seen <= 0.0 else HOLDS if seen == side else MISSIGNED
 
 
@@ -279,8 +279,8 @@ def _lower() -> Claim:
         oscillator = Oscillator(omega, 0.0, 0.8)
         fold = oscillator.fold(turns)
         for sigma in np.linspace(math.copysign(oscillator.reach, fold), fold, 22)[1:-1]:
-            there = replace(oscillator, sigma=float(sigma))
-            least = min(least, float(np.max(np.abs(there.multipliers(turns, there.speeds(turns)[1])))))
+            at_sigma = replace(oscillator, sigma=float(sigma))
+            least = min(least, float(np.max(np.abs(at_sigma.multipliers(turns, at_sigma.speeds(turns)[1])))))
     return Claim("The lower branch is unstable.", f"its largest multiplier is at least {least:.3f} in 80 orbits",
                  HOLDS if least > 1.0 else FAILS, "every orbit has a multiplier beyond 1")
 
@@ -291,11 +291,12 @@ def _doublings() -> Claim:
         oscillator = Oscillator(omega, 0.0, 0.8)
         sigma = doubling(oscillator, turns, -0.5 * oscillator.reach, 0.5 * oscillator.reach)
         stable = sigma - 0.1 * oscillator.reach
-        before, beyond = (followed(replace(oscillator, sigma=sigma + step * oscillator.reach), stable)
+        motion_before, motion_beyond = (followed(replace(oscillator, sigma=sigma + step * oscillator.reach), stable)
                           for step in (-_BESIDE, _BESIDE))
-        places.append(f"{sigma:.5f} for ω = {omega:g}: ({before.impacts}, {before.turns}) before, "
-                      f"({beyond.impacts}, {beyond.turns}) beyond")
-        agreed &= (before.impacts, before.turns, beyond.impacts, beyond.turns) == (1, turns, 2, 2 * turns)
+        places.append(f"{sigma:.5f} for ω = {omega:g}: ({motion_before.impacts}, {motion_before.turns}) before, "
+                      f"({motion_beyond.impacts}, {motion_beyond.turns}) beyond")
+        agreed &= (motion_before.impacts, motion_before.turns, motion_beyond.impacts, motion_beyond.turns) == (
+            1, turns, 2, 2 * turns)
     return Claim(
         "The upper branch can lose its stability in a supercritical period doubling to a (2, 2n) orbit.",
         f"a multiplier is −1 at σ = {'; '.join(places)}", HOLDS if agreed else FAILS,
@@ -307,15 +308,15 @@ def _attraction(starts: int) -> Claim:
     oscillators = [Oscillator(2.0 * turns, 0.0, 0.8) for turns in (1, 2, 3)]
     jobs = [(oscillator, float(spin)) for oscillator in oscillators for spin in draw.uniform(0.3, 1.7, starts)]
     motions = computed(_from_spin, jobs, "impact_oscillator: starts")
-    there = sum((motion.impacts, motion.turns) == (1, round(oscillator.omega / 2.0))
+    attracted = sum((motion.impacts, motion.turns) == (1, round(oscillator.omega / 2.0))
                 for (oscillator, _), motion in zip(jobs, motions, strict=True))
-    low = binomtest(there, len(jobs)).proportion_ci().low
+    low = binomtest(attracted, len(jobs)).proportion_ci().low
     return Claim("Near ω = 2n and for small σ a (1, n) orbit attracts globally.",
-                 f"{there} of {len(jobs)} drawn starts settle on it at ω = 2, 4, 6 and σ = 0 (95 % interval from "
-                 f"{100.0 * low:.1f} %)", HOLDS if there == len(jobs) else FAILS, "every drawn start settles on it")
+                 f"{attracted} of {len(jobs)} drawn starts settle on it at ω = 2, 4, 6 and σ = 0 (95 % interval from "
+                 f"{100.0 * low:.1f} %)", HOLDS if attracted == len(jobs) else FAILS, "every drawn start settles on it")
 
 
-def _from_spin(job: tuple[Oscillator, float]) -> Motion:
+def _from_spin(job: tuple[Oscillator, float]) -> ImpactMotion:
     oscillator, spin = job
     return settled(started(oscillator, spin), oscillator)
 

@@ -7,7 +7,7 @@ mapping and a check, and leaves this table.
 from typing import NamedTuple
 
 
-class Measured(NamedTuple):
+class MeasurementSource(NamedTuple):
     """A source with measurements of a robot.
 
     Attributes
@@ -29,7 +29,7 @@ class Measured(NamedTuple):
 
 
 SOURCES = (
-    Measured(
+    MeasurementSource(
         "Y. Yan, Y. Liu, J. Páez Chávez, F. Zonta, A. Yusupov, *Proof-of-concept prototype development of the "
         "self-propelled capsule system for pipeline inspection*, 2017, "
         "[10.1007/s11012-017-0801-3](https://doi.org/10.1007/s11012-017-0801-3)",
@@ -38,20 +38,20 @@ SOURCES = (
         "experiments",
         "every number: masses, stiffnesses, gap, friction, force of the solenoid over time, speeds. A solenoid pushes "
         "a rod, no crank does"),
-    Measured(
+    MeasurementSource(
         "Y. Liu, J. Páez Chávez, J. Zhang, J. Tian, B. Guo, S. Prasad, *The vibro-impact capsule system in millimetre "
         "scale: numerical optimisation and experimental verification*, Meccanica, 2020, "
         "[10.1007/s11012-020-01237-8](https://doi.org/10.1007/s11012-020-01237-8)",
         "abstract, beginning of the introduction",
         "length 26 mm, diameter 11 mm; up to 14.4 mm/s by the authors' own model; experiments are compared with it",
         "masses, stiffnesses, gap, friction, drive, and the measured speeds"),
-    Measured(
+    MeasurementSource(
         "*Design and experimental investigation of a vibro-impact self-propelled capsule robot with orientation "
         "control*, [arXiv:2202.11784](https://arxiv.org/abs/2202.11784)",
         "abstract, beginning of the introduction",
         "four coils move a magnet within the capsule; two strategies of control in simulation and experiment",
         "every number; the magnet's force depends on its place"),
-    Measured(
+    MeasurementSource(
         "N.-T. La, T.-T. Nguyen, V.-D. Nguyen, *A comparative study on the two vibration driven locomotion systems in "
         "various friction levels*, Vietnam J. Mech. 43 (2021) 121–137, "
         "[10.15625/0866-7136/15662](https://doi.org/10.15625/0866-7136/15662)",
@@ -59,7 +59,7 @@ SOURCES = (
         "two systems, one of which strikes a stop; friction was varied without the masses, and both models were "
         "compared with experiments",
         "every number"),
-    Measured(
+    MeasurementSource(
         "V. Korendiy, O. Kachur, *Locomotion characteristics of a wheeled vibration-driven robot with an enhanced "
         "pantograph-type suspension*, Front. Robot. AI, 2023, "
         "[10.3389/frobt.2023.1239137](https://doi.org/10.3389/frobt.2023.1239137)",
@@ -67,7 +67,7 @@ SOURCES = (
         "accelerations were measured at several voltages; the smallest speed is about 1 mm/s",
         "masses, springs, friction of the wheels, the other speeds. An unbalanced rotor drives it, no crank, and it "
         "has no plate"),
-    Measured(
+    MeasurementSource(
         "I. A. Loukanov, S. P. Stoyanov, *Experimental determination of dynamic characteristics of a vibration-driven "
         "robot*, IOSR J. Mech. Civ. Eng. 12 (4), 2015, 62–73",
         "abstract",
@@ -78,7 +78,7 @@ SOURCES = (
 
 def section() -> str:
     """Return the section in Markdown."""
-    rows = [f"| {one.source} | {one.read} | {one.reports} | {one.missing} |" for one in SOURCES]
+    rows = [f"| {row.source} | {row.read} | {row.reports} | {row.missing} |" for row in SOURCES]
     return "\n".join([
         "## Measured vibration robots",
         "",

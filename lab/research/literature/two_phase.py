@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from research.literature.capsule_equations import Guard
+from research.literature.capsule_equations import TerminalEvent
 from research.literature.findings import FAILS, HOLDS, OUTSIDE, Check, Claim, Finding, Mapped, Studied
 from research.starts import computed
 from vibro_ros import Scene, Simulator
@@ -74,8 +74,8 @@ def block_scene(press: float, tuning: float = STIFF, damping: float = 0.3, weakn
     weakness : float
         Change of speed by friction per radian over the amplitude of the speed, dimensionless.
     """
-    own = tuning * _SPEED
-    reach = abs(_response(own, damping, _SPEED))
+    natural_frequency = tuning * _SPEED
+    reach = abs(_response(natural_frequency, damping, _SPEED))
     upper = press * (_BODY + _INCLINED) * _GRAVITY / (reach * _STROKE * _SPEED**2 - press * _GRAVITY)
     total = _BODY + upper + _INCLINED
     stiffness = _INCLINED * (10.0 * _SPEED) ** 2
@@ -83,19 +83,20 @@ def block_scene(press: float, tuning: float = STIFF, damping: float = 0.3, weakn
     return Scene("two_phase", {
         "mass.body": _BODY, "mass.upper": upper, "mass.inclined": _INCLINED, "guide.angle": math.pi / 2.0,
         "crank.radius": _STROKE, "crank.upper_rod": _ROD, "crank.inclined_rod": _ROD,
-        "upper.spring.stiffness": upper * own**2, "upper.spring.damping": 2.0 * damping * upper * own,
+        "upper.spring.stiffness": upper * natural_frequency**2,
+        "upper.spring.damping": 2.0 * damping * upper * natural_frequency,
         "inclined.spring.stiffness": stiffness, "inclined.spring.damping": 0.6 * math.sqrt(stiffness * _INCLINED),
         "ground.friction": weakness * swing * _SPEED / _GRAVITY, "gravity": _GRAVITY, "motor.speed": _SPEED,
         "effects.upper_contact": "none", "effects.inclined_contact": "none", "effects.normal_force": "unilateral"})
 
 
-def _response(own: float, damping: float, motor: float) -> complex:
+def _response(natural_frequency: float, damping: float, motor: float) -> complex:
     """Complex amplitude of a mass over the slider's (base excitation).
 
-    `own` is the natural frequency, `motor` the motor speed [rad/s], `damping` the damping ratio.
+    `natural_frequency` and the speed `motor` are in [rad/s], `damping` is the damping ratio.
     """
-    lag = 2j * damping * own * motor
-    return (own**2 + lag) / (own**2 - motor**2 + lag)
+    lag = 2j * damping * natural_frequency * motor
+    return (natural_frequency**2 + lag) / (natural_frequency**2 - motor**2 + lag)
 
 
 def _responses(scene: Scene) -> tuple[complex, complex]:
@@ -149,7 +150,7 @@ def _on_plate(motion: Shaking, grip: float, turns: int, counted: int) -> float:
             piece = solve_ivp(lambda at, values, way=direction: [
                 values[1], -math.sin(at) - way * grip * (1.0 + motion.press * math.cos(at + motion.lead))],
                 (time, stop), state, method="DOP853", rtol=1e-10, atol=1e-12, max_step=0.5,
-                events=Guard(_speed, -direction))
+                events=TerminalEvent(_speed, -direction))
             time, state = piece.t[-1], piece.y[:, -1].copy()
             if piece.status == 1:
                 state[1], direction = 0.0, -direction
@@ -189,8 +190,8 @@ def friction_at_half_speed() -> float:
     drift = speeds - math.cos(cmath.phase(_responses(scene)[1]))  # speed at the ends of turns, without the shaking
     middle = (drift[1:] + drift[:-1]) / 2.0
     pulls = -np.diff(drift) * motion.speed / (grip * turn)
-    own = pulls - 2.0 / math.pi * motion.press * math.cos(motion.lead) * np.sqrt(1.0 - middle**2)
-    return float(np.interp(0.5, middle, own))
+    friction = pulls - 2.0 / math.pi * motion.press * math.cos(motion.lead) * np.sqrt(1.0 - middle**2)
+    return float(np.interp(0.5, middle, friction))
 
 
 @dataclass(frozen=True)

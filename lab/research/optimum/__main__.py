@@ -177,7 +177,9 @@ def ends(row: Numbers) -> str:
 
 def slowest(name: str, watched: Mapping[str, Sequence[Numbers]], motions: Mapping[str, Sequence[Numbers]]) -> float:
     """Speed [m/s] of the slowest motion of an optimum, or of its slowest start over the longest of `DURATIONS`."""
-    return min(abs(one["speed"]) for one in motions[name]) if name in motions else abs(watched[name][-1]["slowest"])
+    if name in motions:
+        return min(abs(motion["speed"]) for motion in motions[name])
+    return abs(watched[name][-1]["slowest"])
 
 
 def about_power(rows: Sequence[Numbers]) -> str:
@@ -197,7 +199,7 @@ def about_front(results: Mapping[str, Numbers], papers: Sequence[Numbers]) -> st
             f"The front reaches from {number(1e3 * front[0]['speed'])} mm/s at a cost of transport of "
             f"{number(front[0]['cost'])} to {number(1e3 * front[-1]['speed'])} mm/s at {number(front[-1]['cost'])}.")
     for row in papers:
-        better = [one for one in front if one["speed"] > row["speed"] and one["cost"] < row["cost"]]
+        better = [robot for robot in front if robot["speed"] > row["speed"] and robot["cost"] < row["cost"]]
         if better:
             text += (f" The best start of the {row['robot']} goes at {number(1e3 * row['speed'])} mm/s at a cost of "
                      f"{number(row['cost'])}; the front has a robot of {number(1e3 * better[0]['speed'])} mm/s at "
@@ -249,7 +251,7 @@ def about_decree(results: Mapping[str, Numbers], motions: Mapping[str, Sequence[
     for name in HELD:
         forced = rows_of(results[name], "by decree")
         held.append(f"`{name}` would go at {' or '.join(map(in_words, motions[f'{name}, held']))}, not "
-                    f"{' or '.join(number(1e3 * one['speed']) for one in motions[name])} mm/s, with a mean N of "
+                    f"{' or '.join(number(1e3 * motion['speed']) for motion in motions[name])} mm/s, with a mean N of "
                     f"{number(forced[0]['load'])} times the weight in its usual motion")
     return ("`unilateral` in place of `hop` finds no robot that stays on the ground: the rule holds the body there by "
             "decree, and breaks the balance of momentum, by which the mean of N in a steady motion is the weight. Held "
@@ -258,15 +260,16 @@ def about_decree(results: Mapping[str, Numbers], motions: Mapping[str, Sequence[
 
 def about_undamped(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]]) -> str:
     """Paragraph on the unrealistic speeds of optima by the paper's own rules."""
-    found = []
+    sentences = []
     for name in ("printed", "unilateral"):
         short, long = watched[name][0], watched[name][-1]
-        found.append(f"{STARTS} starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} "
-                     f"m/s over the first {short['duration']:g} s), with a mean N of "
-                     f"{number(results[name]['verified'][0]['load'])} times the weight; with every effect of `device` "
-                     f"they go at {range_of(rows_of(results[name], 'every effect of `device`'))} m/s.")
+        sentences.append(
+            f"{STARTS} starts of `{name}` go at {ends(long)} m/s over {long['duration']:g} s ({ends(short)} m/s over "
+            f"the first {short['duration']:g} s), with a mean N of "
+            f"{number(results[name]['verified'][0]['load'])} times the weight; with every effect of `device` they go "
+            f"at {range_of(rows_of(results[name], 'every effect of `device`'))} m/s.")
     return ("Speed has an optimum by the paper's own rules, too, but nobody should build it: without dampers and "
-            f"reaction the masses keep what they gain near resonance, and no start settles. {' '.join(found)}")
+            f"reaction the masses keep what they gain near resonance, and no start settles. {' '.join(sentences)}")
 
 
 def about_ends(results: Mapping[str, Numbers]) -> str:
@@ -316,8 +319,8 @@ def motions_of_optima(folder: Path) -> dict[str, list[Numbers]]:
 
 def settled_motions(scene: vibro_ros.Scene, starts: int = MOTION_STARTS) -> list[Numbers]:
     """Find the motions to which drawn starts of an optimum lead, that of most starts first; speeds in m/s."""
-    return [{"words": one.in_words(), "speed": one.mean_speed, "starts": one.starts, "low": one.low, "high": one.high}
-            for one in vibro_lab.attractors(scene, starts).drawn]
+    return [{"words": motion.in_words(), "speed": motion.mean_speed, "starts": motion.starts, "low": motion.low,
+             "high": motion.high} for motion in vibro_lab.attractors(scene, starts).drawn]
 
 
 def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:
@@ -328,7 +331,8 @@ def papers_robots(name: str, result: Numbers, folder: Path) -> list[Numbers]:
     sought = vibro_ros.load_scene(folder / f"{name}.yaml")
     words = SEARCHES[name].words.split()
     base = vibro_ros.load_scene(words[words.index("--scene") + 1] if "--scene" in words else "device")
-    usual = {one: base[one] or RUNNING if one == "motor.speed" else base[one] for one in result["optimum"]}
+    usual = {parameter: base[parameter] or RUNNING if parameter == "motor.speed" else base[parameter]
+             for parameter in result["optimum"]}
     rows = []
     for robot, changes in PAPERS.items():
         scene = sought.with_parameters({**usual, **changes})
@@ -359,13 +363,13 @@ def _watched(job: tuple[vibro_ros.Scene, int, Sequence[float]]) -> list[tuple[fl
     scene, start, durations = job
     device = started(scene.with_parameters({"solver.accounts": True}), np.random.default_rng(start))
     device.advance_to(SETTLING)
-    begin, before = device.state.body_position, dict(device.statistics["energy_accounts"])
+    begin, earlier_accounts = device.state.body_position, dict(device.statistics["energy_accounts"])
     rows = []
     for duration in durations:
         span = whole_turns(scene, duration)
         device.advance_to(SETTLING + span)
         accounts = device.statistics["energy_accounts"]
-        given, back = (accounts[name] - before[name] for name in ("motor_delivered", "motor_taken_back"))
+        given, back = (accounts[name] - earlier_accounts[name] for name in ("motor_delivered", "motor_taken_back"))
         rows.append(((device.state.body_position - begin) / span, (given - back) / span))
     return rows
 
@@ -391,7 +395,8 @@ def fronts_picture(results: Mapping[str, Numbers], papers: Sequence[Numbers]) ->
 
 
 def _draw(axes: Any, robots: Sequence[Numbers], style: str, label: str) -> None:
-    axes.plot([1e3 * one["speed"] for one in robots], [one["cost"] for one in robots], style, ms=4.0, label=label)
+    axes.plot([1e3 * robot["speed"] for robot in robots], [robot["cost"] for robot in robots], style, ms=4.0,
+              label=label)
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ SERIES = {
 UNITS = {"angle": "°", "mass": "kg", "crank": "m"}
 
 
-class Point(NamedTuple):
+class FigurePoint(NamedTuple):
     """One robot of a figure.
 
     Attributes
@@ -61,9 +61,9 @@ class Point(NamedTuple):
         return best | {"mass.inclined": BEST_MASS, "crank.radius": self.value}
 
 
-def points() -> Iterator[Point]:
+def points() -> Iterator[FigurePoint]:
     """Yield every robot of every figure."""
-    return (Point(series, value) for series, values in SERIES.items() for value in values)
+    return (FigurePoint(series, value) for series, values in SERIES.items() for value in values)
 
 
 #: Kinds of starts of a robot.
@@ -106,7 +106,7 @@ class Reading(NamedTuple):
         friction = "" if self.friction == "eq5" else f", {self.friction} friction"
         return f"{self.equations}, {self.normal_force}, {self.start}, {self.solver}{step}{friction}"
 
-    def scene(self, point: Point) -> Scene:
+    def scene(self, point: FigurePoint) -> Scene:
         """Return the scene of the robot `point` under this reading, for event-driven simulation."""
         return Scene("paper", point.changes() | {
             "effects.misprint": self.equations == "misprint", "effects.normal_force": self.normal_force,
@@ -132,9 +132,9 @@ def exact_readings() -> Iterator[Reading]:
 
 def slider_readings() -> Iterator[Reading]:
     """Yield the readings whose masses rest on the sliders at the crank's own angle."""
-    for one in exact_readings():
-        if one.start == NEAR_REST:
-            yield one._replace(start=ON_SLIDERS)
+    for reading in exact_readings():
+        if reading.start == NEAR_REST:
+            yield reading._replace(start=ON_SLIDERS)
 
 
 def worksheet_readings() -> Iterator[Reading]:
@@ -183,7 +183,7 @@ EXPLODED = 3e8
 Pairs = tuple[tuple[float, float], ...]
 
 
-class Claim(NamedTuple):
+class RankingClaim(NamedTuple):
     """One claim of the paper.
 
     Attributes
@@ -215,22 +215,22 @@ def _rising(*values: float) -> Pairs:
 
 
 CLAIMS = (
-    Claim("80° is best", "of 40°, 50°, … 90°, the mean speed is greatest at φ = 80°", "angle",
-          _faster(80.0, 40.0, 50.0, 60.0, 70.0, 90.0), _faster(80.0, 85.0)),
-    Claim("falls beyond 85°", "a further increase of φ over 85…90° reduces the mean speed", "angle",
-          _rising(90.0, 85.0), _rising(100.0, 95.0, 90.0)),
-    Claim("heavier is slower", "from m3 = 0.08 to 0.25 kg the mean speed falls gradually", "mass",
-          _rising(0.25, 0.08), _rising(0.25, 0.18, 0.12, 0.08)),
-    Claim("0.02 kg is best", "a decrease of m3 to 0.02 kg gives the greatest mean speed", "mass",
-          _faster(0.02, 0.08, 0.25), _faster(0.02, 0.05, 0.12, 0.18)),
-    Claim("longer is faster", "the longer the crank, the greater the mean speed, up to l = 0.06 m", "crank",
-          _rising(0.02, 0.06), _rising(*SERIES["crank"])),
+    RankingClaim("80° is best", "of 40°, 50°, … 90°, the mean speed is greatest at φ = 80°", "angle",
+                 _faster(80.0, 40.0, 50.0, 60.0, 70.0, 90.0), _faster(80.0, 85.0)),
+    RankingClaim("falls beyond 85°", "a further increase of φ over 85…90° reduces the mean speed", "angle",
+                 _rising(90.0, 85.0), _rising(100.0, 95.0, 90.0)),
+    RankingClaim("heavier is slower", "from m3 = 0.08 to 0.25 kg the mean speed falls gradually", "mass",
+                 _rising(0.25, 0.08), _rising(0.25, 0.18, 0.12, 0.08)),
+    RankingClaim("0.02 kg is best", "a decrease of m3 to 0.02 kg gives the greatest mean speed", "mass",
+                 _faster(0.02, 0.08, 0.25), _faster(0.02, 0.05, 0.12, 0.18)),
+    RankingClaim("longer is faster", "the longer the crank, the greater the mean speed, up to l = 0.06 m", "crank",
+                 _rising(0.02, 0.06), _rising(*SERIES["crank"])),
 )
 """Every claim, in the paper's order. Of the crank's lengths the text names that of the first robot, 0.02 m, and 0.06 m.
 """
 
 #: Displacements [m], shape (starts, instants), of each robot under one reading.
-Displacements = Mapping[Point, np.ndarray]
+Displacements = Mapping[FigurePoint, np.ndarray]
 
 
 class Mean(NamedTuple):
@@ -253,7 +253,7 @@ class Verdict(NamedTuple):
         Outcomes by the speed along Ox of the first start only.
     along_ox, size : tuple of str
         Outcomes by the means over the starts of the speed along Ox, and of its magnitude.
-    means : dict of Point to Mean
+    means : dict of FigurePoint to Mean
         Mean speed along Ox of each robot [m/s].
     """
 
@@ -262,7 +262,7 @@ class Verdict(NamedTuple):
     one_run: tuple[str, ...]
     along_ox: tuple[str, ...]
     size: tuple[str, ...]
-    means: dict[Point, Mean]
+    means: dict[FigurePoint, Mean]
 
     @property
     def forwards(self) -> tuple[int, int]:
@@ -272,8 +272,8 @@ class Verdict(NamedTuple):
 
     def fastest(self, series: str) -> float:
         """Value of the robot of a series with the greatest mean speed along Ox."""
-        own = {point: mean.mean for point, mean in self.means.items() if point.series == series}
-        return max(own, key=lambda point: own[point]).value
+        mean_speeds = {point: mean.mean for point, mean in self.means.items() if point.series == series}
+        return max(mean_speeds, key=lambda point: mean_speeds[point]).value
 
 
 def score(outcomes: tuple[str, ...]) -> int:
@@ -313,10 +313,10 @@ def one_run_pairs(differences: np.ndarray) -> str:
     return HOLDS if (differences[:, 0] > 0.0).all() else DOES_NOT
 
 
-def settled(claim: Claim, speed: Mapping[Point, np.ndarray], judge: Callable[[np.ndarray], str]) -> str:
+def settled(claim: RankingClaim, speed: Mapping[FigurePoint, np.ndarray], judge: Callable[[np.ndarray], str]) -> str:
     """Outcome of a claim, by the function `judge` of differences; `speed` [m/s], shape (starts,), by robot."""
     def of(pairs: Pairs) -> str:
-        return judge(np.array([speed[Point(claim.series, fast)] - speed[Point(claim.series, slow)]
+        return judge(np.array([speed[FigurePoint(claim.series, fast)] - speed[FigurePoint(claim.series, slow)]
                                for fast, slow in pairs]))
 
     named = of(claim.named)
@@ -331,16 +331,16 @@ def single_scores(displacements: Displacements, span: Span) -> np.ndarray:
     return np.array([score(tuple(settled(claim, values, one_run_pairs) for claim in CLAIMS)) for values in alone])
 
 
-def verdicts(reading: Reading, found: Displacements) -> list[Verdict]:
+def verdicts(reading: Reading, displacements: Displacements) -> list[Verdict]:
     """Judge every claim under a reading, over each of its spans."""
-    found_verdicts = []
+    judgements = []
     for span in spans(reading):
         with np.errstate(invalid="ignore", over="ignore"):
-            speed = {point: speeds(values, span) for point, values in found.items()}
+            speed = {point: speeds(values, span) for point, values in displacements.items()}
             size = {point: np.abs(values) for point, values in speed.items()}
             one_run, along_ox, by_size = (
                 tuple(settled(claim, values, judge) for claim in CLAIMS)
                 for values, judge in ((speed, one_run_pairs), (speed, judged_pairs), (size, judged_pairs)))
             means = {point: mean_of(values) for point, values in speed.items()}
-            found_verdicts.append(Verdict(reading, span, one_run, along_ox, by_size, means))
-    return found_verdicts
+            judgements.append(Verdict(reading, span, one_run, along_ox, by_size, means))
+    return judgements

@@ -20,8 +20,8 @@ from research.paper.claims import (
     ON_SLIDERS,
     STEPS,
     UNITS,
+    FigurePoint,
     Mean,
-    Point,
     Reading,
     Span,
     Verdict,
@@ -42,7 +42,7 @@ TURNING_SPEED = 1e4
 NEAR = 0.1
 
 
-class Effort(NamedTuple):
+class SimulationEffort(NamedTuple):
     """Amount of simulation.
 
     Attributes
@@ -66,24 +66,24 @@ class Batch(NamedTuple):
     """One robot under one reading, from `starts` starts, until an instant [s]."""
 
     reading: Reading
-    point: Point
+    point: FigurePoint
     starts: int
     until: float = math.inf
 
 
-def full_effort() -> Effort:
+def full_effort() -> SimulationEffort:
     """Return the full effort: every reading; a quarter of an hour on two cores."""
-    return Effort((*exact_readings(), *worksheet_readings(), *slider_readings()), 32, 6)
+    return SimulationEffort((*exact_readings(), *worksheet_readings(), *slider_readings()), 32, 6)
 
 
-def quick_effort() -> Effort:
+def quick_effort() -> SimulationEffort:
     """Return a small effort: readings with `exact`, and Runge-Kutta with one step, from few starts; two minutes."""
     worksheets = (reading for reading in worksheet_readings()
                   if reading.step == STEPS[1] and reading.friction == "eq5")
-    return Effort((*exact_readings(), *worksheets, *slider_readings()), 6, 4)
+    return SimulationEffort((*exact_readings(), *worksheets, *slider_readings()), 6, 4)
 
 
-def batches(effort: Effort) -> list[Batch]:
+def batches(effort: SimulationEffort) -> list[Batch]:
     """Return all batches of a study, reading by reading."""
     return [Batch(reading, point, effort.starts(reading)) for reading in effort.readings for point in points()]
 
@@ -116,7 +116,7 @@ def displacements(batch: Batch) -> np.ndarray:
     return np.array([displacement(number) for number in range(batch.starts)])
 
 
-def _displacement(reading: Reading, point: Point, times: np.ndarray, number: int) -> np.ndarray:
+def _displacement(reading: Reading, point: FigurePoint, times: np.ndarray, number: int) -> np.ndarray:
     scene, ahead = reading.scene(point), advance(reading.start, number)
     if reading.solver == "rkfixed":
         return worksheet.rkfixed(scene, reading.friction, ahead, reading.step, times)
@@ -142,7 +142,7 @@ def masses_on_sliders(device: vibro_ros.Simulator) -> dict[str, float]:
     return state
 
 
-def judged(effort: Effort) -> list[Verdict]:
+def judged(effort: SimulationEffort) -> list[Verdict]:
     """Run the study, and judge every claim under every reading of `effort`.
 
     Raises
@@ -152,10 +152,10 @@ def judged(effort: Effort) -> list[Verdict]:
     """
     every = batches(effort)
     for reading in {batch.reading.solver: batch.reading for batch in every}.values():
-        displacements(Batch(reading, Point("angle", 40.0), 1))  # compiles the method once for all processes
-    found = iter(computed(displacements, every, "paper: robots"))
+        displacements(Batch(reading, FigurePoint("angle", 40.0), 1))  # compiles the method once for all processes
+    moved = iter(computed(displacements, every, "paper: robots"))
     return [verdict for reading in effort.readings
-            for verdict in verdicts(reading, {point: next(found) for point in points()})]
+            for verdict in verdicts(reading, {point: next(moved) for point in points()})]
 
 
 class Single(NamedTuple):
@@ -201,14 +201,15 @@ _VERDICT_COLUMNS = (
       for part in ("mean m/s", "spread m/s")))
 
 
-def write_verdicts(path: Path, found: Iterable[Verdict]) -> None:
+def write_verdicts(path: Path, judgements: Iterable[Verdict]) -> None:
     """Write verdicts to a file, speeds with six digits."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_VERDICT_COLUMNS)
-        for one in found:
-            speeds = (f"{number:.6g}" for point in _POINTS for number in one.means[point])
-            writer.writerow([*one.reading, *one.span, *one.one_run, *one.along_ox, *one.size, *speeds])
+        for verdict in judgements:
+            speeds = (f"{number:.6g}" for point in _POINTS for number in verdict.means[point])
+            writer.writerow([*verdict.reading, *verdict.span, *verdict.one_run, *verdict.along_ox, *verdict.size,
+                             *speeds])
 
 
 def read_verdicts(path: Path) -> list[Verdict]:

@@ -71,8 +71,8 @@ def _sign(friction, speed):
 
 
 @numba.njit(error_model="numpy")
-def _fill_rates(time, state, sheet, found):
-    """Set `found` to the time derivatives of u, u', w, w', x, x' at `time` [s], shape (6,)."""
+def _fill_rates(time, state, sheet, derivatives):
+    """Set `derivatives` to the time derivatives of u, u', w, w', x, x' at `time` [s], shape (6,)."""
     u, w, speed = state[0], state[2], state[5]
     angle = SPEED * time + sheet.advance
     force2 = sheet.drive * (u - _slider(sheet.radius, sheet.rod, angle))
@@ -96,16 +96,17 @@ def _fill_rates(time, state, sheet, found):
         braking = kinetic * _sign(sheet.friction, speed)
     else:
         braking = inertial if abs(inertial) <= kinetic else kinetic * _sign(0, inertial)
-    found[0], found[2], found[4] = state[1], state[3], speed
-    found[1], found[3], found[5] = -force2 / sheet.m2, -force3 / sheet.m3, (inertial - braking) / total
+    derivatives[0], derivatives[2], derivatives[4] = state[1], state[3], speed
+    derivatives[1], derivatives[3] = -force2 / sheet.m2, -force3 / sheet.m3
+    derivatives[5] = (inertial - braking) / total
 
 
 @numba.njit(error_model="numpy")
 def rates(time, state, sheet):
     """Return the time derivatives of u, u', w, w', x, x' at `time` [s], shape (6,)."""
-    found = np.empty(6)
-    _fill_rates(time, state, sheet, found)
-    return found
+    derivatives = np.empty(6)
+    _fill_rates(time, state, sheet, derivatives)
+    return derivatives
 
 
 @numba.njit(error_model="numpy")
@@ -126,14 +127,14 @@ def _take_step(time, state, sheet, step, rate, stage, change):
 @numba.njit(error_model="numpy")
 def _rkfixed(state, sheet, step, counts):
     """Displacement x [m] after each of the numbers of steps in `counts`."""
-    found, done = np.empty(len(counts)), 0
+    displacements, done = np.empty(len(counts)), 0
     rate, stage, change = np.empty(6), np.empty(6), np.empty(6)
     for k in range(len(counts)):
         while done < counts[k]:
             _take_step(done * step, state, sheet, step, rate, stage, change)
             done += 1
-        found[k] = state[4]
-    return found
+        displacements[k] = state[4]
+    return displacements
 
 
 def start_state(scene: Scene) -> np.ndarray:

@@ -46,7 +46,8 @@ def test_every_event_of_a_state_is_a_kind_of_event():
 
 def test_every_parameter_of_the_equations_has_a_row():
     """A developer who adds a parameter states there whether heyoka's robot and Runge-Kutta by hand support it."""
-    assert set(SUPPORT) == {one.name for one in SCENE_PARAMETERS if not one.name.startswith(("solver.", "sensors."))}
+    assert set(SUPPORT) == {parameter.name for parameter in SCENE_PARAMETERS
+                            if not parameter.name.startswith(("solver.", "sensors."))}
     for name, known in SUPPORT.items():
         assert len(known) == len(SIMULATORS) and all(ANY in (values,) or BY_NAME[name].default in values
                                                      for values in known)

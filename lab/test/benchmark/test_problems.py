@@ -68,9 +68,9 @@ def test_heyoka_agrees_with_the_reference_to_rounding(name):
 def test_the_closed_form_of_the_ball_agrees_with_the_integration_of_the_other_problems():
     """Taylor series from landing to landing, which rest below 1e-36 m/s; and the two events."""
     problem = problems.load("bounce")
-    found, _ = reference.integrate(dict(problem.parameters), problem.times[-1], **reference.FIRST)
+    integrated, _ = reference.integrate(dict(problem.parameters), problem.times[-1], **reference.FIRST)
     for column in problem.judged:
-        for row, text in zip(found, problem.values[column], strict=True):
+        for row, text in zip(integrated, problem.values[column], strict=True):
             assert abs(row[COLUMNS.index(column)] - arb(text)) < arb("1e-58"), column
     g, e, height = (arb(number) for number in (problem.parameters["g"], problem.parameters["restitution"],
                                                problem.start["y"]))
@@ -118,11 +118,11 @@ def test_guards_are_positive_within_the_mode_that_a_start_has():
     for name in NAMES:
         problem = problems.load(name)
         p, y = machine(problem), start(problem)
-        found, out = np.empty(4), np.empty(8)
+        values, out = np.empty(4), np.empty(8)
         mode = import_module("benchmark.equations").begin(0.0, y, p)
-        guards(0.0, y, *mode, p, found)
+        guards(0.0, y, *mode, p, values)
         slope(0.0, y, *mode, float(mode[2]), p, out)
-        assert np.all(found >= 0.0), name
+        assert np.all(values >= 0.0), name
         assert np.all(np.isfinite(out)), name
 
 

@@ -49,11 +49,11 @@ def test_scipys_free_mass_is_the_driven_oscillator():
 
 def test_a_capsule_with_wheels_that_turn_one_way_never_moves_backwards():
     times = np.linspace(0.0, 5 * capsule.REFERENCE.period, 400)
-    both, one = (integrate(dataclasses.replace(capsule.REFERENCE, grip=grip, gamma=1.0), times,
+    both_ways, one_way = (integrate(dataclasses.replace(capsule.REFERENCE, grip=grip, gamma=1.0), times,
                            harmonic(capsule.REFERENCE, 0.0))[:, 2] for grip in (1.0, math.inf))
-    assert np.min(np.diff(both)) < -1e-3
-    assert np.min(np.diff(one)) > -1e-9
-    assert one[-1] > both[-1]
+    assert np.min(np.diff(both_ways)) < -1e-3
+    assert np.min(np.diff(one_way)) > -1e-9
+    assert one_way[-1] > both_ways[-1]
 
 
 def test_a_slide_within_a_step_ends_after_it_began():
@@ -62,8 +62,8 @@ def test_a_slide_within_a_step_ends_after_it_began():
     """
     machine = dataclasses.replace(capsule.machines(16)[5], gamma=2.0)
     times = machine.period * np.array([1.0, 2.0])
-    found = integrate(machine, times, harmonic(machine, -math.pi / 2.0, reaction=0.0), tolerance=1e-6)
-    assert np.all(np.isfinite(found))
+    states = integrate(machine, times, harmonic(machine, -math.pi / 2.0, reaction=0.0), tolerance=1e-6)
+    assert np.all(np.isfinite(states))
 
 
 def test_the_closed_form_is_the_zero_of_the_mean_friction():
@@ -145,8 +145,8 @@ def test_a_multiplier_is_one_at_the_fold():
 
 def test_the_orbit_ends_at_the_fold_and_doubles_where_a_multiplier_is_minus_one():
     folding, fold = Oscillator(1.9, 0.0, 0.8), Oscillator(1.9, 0.0, 0.8).fold(1)
-    found = [followed(replace(folding, sigma=fold * share), 0.0) for share in (0.99, 1.01)]
-    assert [motion.impacts == 1 for motion in found] == [True, False]
+    beside_fold = [followed(replace(folding, sigma=fold * share), 0.0) for share in (0.99, 1.01)]
+    assert [motion.impacts == 1 for motion in beside_fold] == [True, False]
     oscillator = Oscillator(2.8, 0.0, 0.8)
     place = doubling(oscillator, 1, -0.07, 0.0)
     motions = [followed(replace(oscillator, sigma=place + step), place - 0.01) for step in (-0.003, 0.003)]
@@ -167,10 +167,10 @@ def test_the_document_has_every_study_a_passed_check_each_and_known_verdicts():
 
 def test_a_measured_robot_is_cited_with_what_was_read_and_what_is_missing():
     """A row without a reference, or with nothing missing, would promise a comparison that nobody made."""
-    for one in measured.SOURCES:
-        assert "](https://" in one.source or "IOSR J. Mech. Civ. Eng." in one.source
-        assert "abstract" in one.read and one.reports and one.missing
-        assert one.source in (DOCS / literature.TEXT).read_text(encoding="utf-8")
+    for row in measured.SOURCES:
+        assert "](https://" in row.source or "IOSR J. Mech. Civ. Eng." in row.source
+        assert "abstract" in row.read and row.reports and row.missing
+        assert row.source in (DOCS / literature.TEXT).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", literature.PUBLISHED)
@@ -189,9 +189,9 @@ def test_a_study_that_fails_keeps_those_before_it(monkeypatch, tmp_path, capsys)
     def failing(quick):
         raise RuntimeError("the capsule at 3: no step")
 
-    one = Finding("one", "One", ("A source",), "Contained.", (Mapped("a", "b", "c"),), (Check("what", 1.0, 2.0),),
+    finding = Finding("one", "One", ("A source",), "Contained.", (Mapped("a", "b", "c"),), (Check("what", 1.0, 2.0),),
                   (Claim("said", "found", OUTSIDE, "rule"),), "nothing.")
-    monkeypatch.setattr(literature, "PUBLISHED", {"one": lambda quick: Studied(one, Figure), "two": failing})
+    monkeypatch.setattr(literature, "PUBLISHED", {"one": lambda quick: Studied(finding, Figure), "two": failing})
     assert literature.main(["--output", str(tmp_path)]) == 1
     assert capsys.readouterr().err == "literature: the capsule at 3: no step; 1 of 2 studies are kept\n"
-    assert literature.read_findings(tmp_path / literature.FOLDER / literature.DATA) == [one]
+    assert literature.read_findings(tmp_path / literature.FOLDER / literature.DATA) == [finding]

@@ -43,7 +43,7 @@ def test_the_scene_files_are_the_optima(name):
 @pytest.mark.parametrize("name", ["thriftiest", "thrifty", "fastest", "thrifty_grounded", "fastest_grounded"])
 def test_the_optima_do_what_is_said(name):
     """From three starts: the mean speed, with its sign, lies within two standard deviations of one start."""
-    found, scene = RESULTS[name]["verified"][0]["speed"], vibro_ros.load_scene(FOLDER / f"{name}.yaml")
+    stored, scene = RESULTS[name]["verified"][0]["speed"], vibro_ros.load_scene(FOLDER / f"{name}.yaml")
     speeds = []
     for start in range(3):
         device = started(scene, np.random.default_rng(start))
@@ -52,8 +52,8 @@ def test_the_optima_do_what_is_said(name):
         span = optimum.whole_turns(scene, 10.0)
         device.advance_to(4.0 + span)
         speeds.append((device.state.body_position - begin) / span)
-    spread = found["spread"] or 0.0  # a motion with a period has none
-    assert np.mean(speeds) == pytest.approx(found["mean"], rel=1e-3, abs=8.0 * spread)
+    spread = stored["spread"] or 0.0  # a motion with a period has none
+    assert np.mean(speeds) == pytest.approx(stored["mean"], rel=1e-3, abs=8.0 * spread)
 
 
 @pytest.mark.parametrize("name", ["thrifty_grounded", "fastest_grounded"])
@@ -93,7 +93,8 @@ def test_the_speeds_are_those_of_the_page_on_speeds():
     speeds = SPEEDS.read_text(encoding="utf-8")
     rows = {name: re.findall(rf"^\| `optimum/{name}`, .*? rad/s \| (.*?) \| ([1-9]\d*) of 64 ", speeds,
                              re.MULTILINE) for name in optimum.OF_DEVICE}
-    assert rows == {name: [(one["words"], str(one["starts"])) for one in MOTIONS[name]] for name in optimum.OF_DEVICE}
+    assert rows == {name: [(motion["words"], str(motion["starts"])) for motion in MOTIONS[name]]
+                    for name in optimum.OF_DEVICE}
     assert "not -10600 mm/s" in optimum.about_decree(RESULTS, MOTIONS)
 
 

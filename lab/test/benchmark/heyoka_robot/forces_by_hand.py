@@ -14,7 +14,7 @@ X, Y, U, W, NORMAL, FRICTION, PRESS, _, CRANK = range(9)
 
 
 @dataclass(frozen=True)
-class Motion:
+class SampledMotion:
     """A scene's state at n instants: arrays of shape (n,) by the names of `Samples`."""
 
     scene: object
@@ -90,17 +90,17 @@ class Motion:
 
     def forces(self):
         """Every force [N], the motor's power [W] and torque [N m], by their names in `Samples`."""
-        found, torque = {}, np.zeros(len(self))
+        forces, torque = {}, np.zeros(len(self))
         solution = self._ground()
         for i, side in enumerate(SIDES):
-            found[f"{side}_drive_force"] = self.drive(side)
-            found[f"{side}_plate_force"] = self.push(side) + solution[:, PRESS + i]
+            forces[f"{side}_drive_force"] = self.drive(side)
+            forces[f"{side}_plate_force"] = self.push(side) + solution[:, PRESS + i]
             torque += self.drive(side) * self.slider(side)[1]
         torque += self._linkage_torque() + np.sum(self._torque_rows() * solution, axis=1)
         normal = solution[:, NORMAL]
-        found["normal_force"] = np.maximum(normal, 0.0) if self._rule == "unilateral" else normal
-        found["friction_force"] = solution[:, FRICTION]
-        return found | {"motor_torque": torque, "motor_power": torque * self.at["motor_speed"]}
+        forces["normal_force"] = np.maximum(normal, 0.0) if self._rule == "unilateral" else normal
+        forces["friction_force"] = solution[:, FRICTION]
+        return forces | {"motor_torque": torque, "motor_power": torque * self.at["motor_speed"]}
 
     def _linkage_torque(self):
         """Torque [N m] that moves the linkage's masses while x'', y'' and theta'' are 0."""
@@ -154,8 +154,8 @@ class Motion:
         """
         forward, backward = self.scene["ground.friction"], self.scene["ground.friction_backward"]
         kinetic = np.where(direction < 0.0, forward if backward == -1.0 else backward, forward)
-        own = self.scene["effects.friction"] in ("static", "stribeck")
-        return kinetic, np.full(len(self), self.scene["ground.static_friction"]) if own else kinetic
+        has_static = self.scene["effects.friction"] in ("static", "stribeck")
+        return kinetic, np.full(len(self), self.scene["ground.static_friction"]) if has_static else kinetic
 
     def _solve(self, air, sticks, slide):
         """Solve with F_fr = `slide` N where the body does not stick; a mass that its rigid plate would have to pull is

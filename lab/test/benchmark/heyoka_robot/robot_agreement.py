@@ -5,7 +5,7 @@ Heyoka's forces are computed by hand from its states. A force is as far off as t
 """
 
 import numpy as np
-from forces_by_hand import SIDES, Motion
+from forces_by_hand import SIDES, SampledMotion
 
 import vibro_ros
 from benchmark.heyoka_robot import COLUMNS, DRIVEN, HeyokaRobot
@@ -40,7 +40,7 @@ def simulated(scene, times, commands):
 
 def motion(scene, run):
     """Heyoka's motion, by the names of `Samples`."""
-    return Motion(scene, dict(zip(COLUMNS + DRIVEN, np.hstack([run.samples, run.driven]).T, strict=True)))
+    return SampledMotion(scene, dict(zip(COLUMNS + DRIVEN, np.hstack([run.samples, run.driven]).T, strict=True)))
 
 
 def assert_agreement(scene, duration, commands=(), position=POSITION, place=0.0):
@@ -79,8 +79,8 @@ def assert_agreement(scene, duration, commands=(), position=POSITION, place=0.0)
     return run
 
 
-def assert_close(name, times, found, expected, limit):
-    error = np.abs(found - expected)
+def assert_close(name, times, actual, expected, limit):
+    error = np.abs(actual - expected)
     worst = (error - limit).argmax()
     assert np.all(error <= limit), f"{name} off by {error[worst]:.1e} at {times[worst]:g} s"
 
@@ -158,15 +158,15 @@ def assert_forces_agree(times, samples, moved, position):
 
 
 def assert_peaks_agree(side, robot, run, commands, ours, theirs, position):
-    """Check the peak forces of contacts: infinite for a blow, otherwise found in heyoka's states."""
+    """Check the peak forces of contacts: infinite for a blow, otherwise those of heyoka's states."""
     scene, blows = robot.scene, theirs["duration"] == 0.0
     assert np.all(np.isinf(ours["peak_force"]) == blows), side
     ours, theirs = ours[~blows], theirs[~blows]
     if len(ours) == 0:
         return
-    springs = [(one, part) for one in SIDES for part in ("spring", "plate")
-               if part == "spring" or scene[f"effects.{one}_contact"] == "compliant"]
-    rate = np.sqrt(sum(scene[f"{one}.{part}.stiffness"] / scene[f"mass.{one}"] for one, part in springs))
+    springs = [(guide, part) for guide in SIDES for part in ("spring", "plate")
+               if part == "spring" or scene[f"effects.{guide}_contact"] == "compliant"]
+    rate = np.sqrt(sum(scene[f"{guide}.{part}.stiffness"] / scene[f"mass.{guide}"] for guide, part in springs))
     seams = np.concatenate([run.events["time"], run.events["time"] + run.events["duration"],
                             [instant for instant, _ in commands]])
     grids, owners = [], []
@@ -182,7 +182,8 @@ def assert_peaks_agree(side, robot, run, commands, ours, theirs, position):
                      scene[f"{side}.plate.damping"] * theirs["speed"], 0.0)
     np.maximum.at(peaks, owners, [force.max() for force in plate_forces(side, robot, commands, finer)])
     # the last grid's instants are 0.01 / POINTS rad apart: at most an eighth of that, squared, is missed
-    limit = position * sum(stiffness(scene, one, part) for one, part in springs) + (0.01 / POINTS) ** 2 / 8.0 * peaks
+    limit = (position * sum(stiffness(scene, guide, part) for guide, part in springs)
+             + (0.01 / POINTS) ** 2 / 8.0 * peaks)
     assert_close(f"peak of {side}_contact", theirs["time"], ours["peak_force"], peaks, limit)
 
 
