@@ -62,13 +62,13 @@ def test_a_mirrored_crank_drives_a_mass_alike(name, motor, side):
     scene = vibro_ros.load_scene(name).with_parameters({
         f"effects.{other}_mass": False, "effects.motor": motor, "guide.angle": 1.3, "motor.speed": 0.0,
         "start.state": "given", "start.crank_angle": tilt, f"start.{side}_position": 0.05})
-    here, there = (sampled_run(scene, np.linspace(0.0, 1.2, 1001), COURSE, sign) for sign in (1.0, -1.0))
+    run, mirrored = (sampled_run(scene, np.linspace(0.0, 1.2, 1001), COURSE, sign) for sign in (1.0, -1.0))
     for field in (f"{side}_position", "body_position"):
-        np.testing.assert_allclose(getattr(there, field), getattr(here, field), rtol=0, atol=1e-13)
-    np.testing.assert_allclose(there.crank_angle - tilt, tilt - here.crank_angle, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(there.motor_speed, -here.motor_speed, rtol=0, atol=1e-12)
-    assert len(there.events) == len(here.events) > 50
-    assert here.crank_angle.min() < tilt - 5.0 and here.motor_speed.max() > 30.0
+        np.testing.assert_allclose(getattr(mirrored, field), getattr(run, field), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(mirrored.crank_angle - tilt, tilt - run.crank_angle, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(mirrored.motor_speed, -run.motor_speed, rtol=0, atol=1e-12)
+    assert len(mirrored.events) == len(run.events) > 50
+    assert run.crank_angle.min() < tilt - 5.0 and run.motor_speed.max() > 30.0
 
 
 @pytest.mark.parametrize("reaction", [False, True])
@@ -84,9 +84,9 @@ def test_a_motion_without_losses_goes_back_the_way_it_came(reaction):
     start = device.state
     device.command(motor_speed=-40.0)
     device.advance_to(0.5)  # of 200 rad/s²: 0 after 0.3 s
-    there = device.state
-    assert there.motor_speed == pytest.approx(-40.0, abs=1e-12)
-    device.set_state(motor_speed=40.0, **{f"{side}_velocity": -getattr(there, f"{side}_velocity")
+    turned = device.state
+    assert turned.motor_speed == pytest.approx(-40.0, abs=1e-12)
+    device.set_state(motor_speed=40.0, **{f"{side}_velocity": -getattr(turned, f"{side}_velocity")
                                           for side in ("upper", "inclined", "body")})
     device.command(motor_speed=-60.0)
     device.advance_to(1.0)

@@ -10,9 +10,9 @@ RULES = ("unilateral", "weight", "printed")
 
 
 def scene(name="damped", **changes):
-    own = {"effects.friction": "stribeck", "ground.static_friction": STATIC, "ground.stribeck_speed": SPEED,
-           "upper.gap": 1e-3, "inclined.gap": 1e-3, "motor.speed": 92.0}
-    return vibro_ros.load_scene(name).with_parameters(own | changes)
+    stribeck = {"effects.friction": "stribeck", "ground.static_friction": STATIC, "ground.stribeck_speed": SPEED,
+                "upper.gap": 1e-3, "inclined.gap": 1e-3, "motor.speed": 92.0}
+    return vibro_ros.load_scene(name).with_parameters(stribeck | changes)
 
 
 def distances(limit, speeds, duration=0.5):
