@@ -129,11 +129,15 @@ def test_a_workspace_has_the_lab_beside_the_device(colcon, tmp_path):
     assert "Study the machine" in said
 
 
-def test_every_executable_is_installed(installation):
+def test_executables_and_package_are_installed_and_found(installation, monkeypatch):
     assert {entry.name for entry in installation.entry_points} == {
         name for name, one in EXECUTABLES.items() if one.installed}
     for entry in installation.entry_points:
         assert os.access(installation.executables / entry.name, os.X_OK), entry.name
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(installation.prefix))
+    assert get_package_prefix("vibro_ros") == str(installation.prefix)
+    share = Path(get_package_share_directory("vibro_ros"))
+    assert (share / "package.xml").read_bytes() == (ROOT / "package.xml").read_bytes()
 
 
 def test_configuration_is_installed_and_found(installation, tmp_path):
@@ -151,11 +155,3 @@ def test_configuration_is_installed_and_found(installation, tmp_path):
 def test_type_checkers_see_its_types_and_tests_are_not_shipped(wheel):
     (packages,) = wheel.prefix.glob("**/*-packages")
     assert (packages / "vibro_ros" / "py.typed").is_file() and not (packages / "test").exists()
-
-
-def test_ament_index_knows_the_package(installation, monkeypatch):
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(installation.prefix))
-    assert get_package_prefix("vibro_ros") == str(installation.prefix)
-    assert Path(get_package_share_directory("vibro_ros"), "package.xml").read_bytes() == (
-        ROOT / "package.xml"
-    ).read_bytes()
