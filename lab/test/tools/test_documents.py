@@ -30,8 +30,8 @@ from vibro_ros.ros.controller.script import read_script
 from vibro_ros.simulation.readout import EventLog
 from vibro_ros.simulation.samples import Samples
 
-MODULES = {name: one.module for name, one in (*OF_THE_LAB.items(), *EXECUTABLES.items())}
-INSTALLED = {*OF_THE_LAB, *(name for name, one in EXECUTABLES.items() if one.installed)}
+MODULES = {name: executable.module for name, executable in (*OF_THE_LAB.items(), *EXECUTABLES.items())}
+INSTALLED = {*OF_THE_LAB, *(name for name, executable in EXECUTABLES.items() if executable.installed)}
 OTHER_STATISTICS = ("steps", "solver.method", "solver.step")
 ROOT = Path(__file__).resolve().parents[3]
 DOCUMENTS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md"))}
@@ -43,10 +43,10 @@ BLOCKS = [(name, language, text, output) for name, document in DOCUMENTS.items()
 
 def blocks(language):
     """Return each fenced block of a language, with the output shown below it, as test parameters."""
-    found = [(text, output) for _, of, text, output in BLOCKS if of == language]
+    shown = [(text, output) for _, of, text, output in BLOCKS if of == language]
     names = [f"{name}-{k}" for k, name in enumerate(name for name, of, _, _ in BLOCKS if of == language)]
-    assert found
-    return pytest.mark.parametrize(("text", "output"), found, ids=names)
+    assert shown
+    return pytest.mark.parametrize(("text", "output"), shown, ids=names)
 
 
 def test_the_pages_are_few_and_the_first_one_is_short():
@@ -79,7 +79,7 @@ def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
         assert design_of(read_sweep(file), {"set": {}, "vary": {}}).points > 1
     elif "controller_manager" in yaml.safe_load(text):
         loaded = yaml.safe_load(text).values()
-        joints = [joint for one in loaded for joint in one["ros__parameters"].get("joints", ())]
+        joints = [joint for node in loaded for joint in node["ros__parameters"].get("joints", ())]
         assert sorted(joints) == sorted(COMMANDED)
     else:
         assert load_scene(file).parameters != load_scene("paper").parameters
@@ -204,8 +204,8 @@ def test_a_document_without_a_place_for_the_table_is_refused(tmp_path):
 
 def test_a_page_carries_the_fingerprint_of_its_sources():
     page = documents.marked("# A page\n", "effects", "0123")
-    assert documents.found_in(page, "effects") == "0123" and documents.found_in(page, "map") == ""
-    assert documents.found_in(documents.marked(page, "effects", "4567"), "effects") == "4567"
+    assert documents.stored_fingerprint(page, "effects") == "0123" and documents.stored_fingerprint(page, "map") == ""
+    assert documents.stored_fingerprint(documents.marked(page, "effects", "4567"), "effects") == "4567"
     assert documents.without_marks(documents.marked(page, "map", "89")) == "# A page\n"
     for document in documents.DOCUMENTS.values():
         assert (ROOT / document.page).is_file()
@@ -235,9 +235,9 @@ def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, c
     monkeypatch.setattr(documents, "DIGESTS", tmp_path / "digests.json")
     monkeypatch.setattr(documents, "module_of", documents.module_of.__wrapped__)
     document = documents.Document("page.md", (), 1.0, ("tools.made:table",), ("scene/device/exact",))
-    before = documents.fingerprint(document)
+    earlier = documents.fingerprint(document)
     (tmp_path / file).write_text(text)
-    assert (documents.fingerprint(document) != before) == changes
+    assert (documents.fingerprint(document) != earlier) == changes
 
 
 @pytest.mark.parametrize(("names", "code"), [([], 0), (["map", "paper"], 1)])
@@ -264,8 +264,8 @@ def test_effects_tables_have_every_effect_and_count_what_is_compiled():
     for name, table in tables.items():
         lines = table.strip().splitlines()
         assert lines[2] == f"| {' | '.join(effects.HEADS)} |"
-        found = [line.removeprefix("| ").split(" | ")[:5] for line in lines[4:]]
-        assert found == [effects.counted(effect) for effect in effects.EFFECTS if effect.scene == name]
+        counts = [line.removeprefix("| ").split(" | ")[:5] for line in lines[4:]]
+        assert counts == [effects.counted(effect) for effect in effects.EFFECTS if effect.scene == name]
         whole = effects.size(load_scene(name))
         numbers = f"{whole.states} states, {whole.modes} modes, at most {whole.terms} terms and {whole.guards} guards"
         assert numbers in lines[0]
