@@ -109,7 +109,8 @@ benchmark: $(READY) $(LAB) $(HEYOKA) $(COMPARED)  ## price accuracy against MuJo
 
 study: $(READY) $(LAB) $(STUDY)  ## short versions of all studies, figures and tables in out/study/short; ten minutes at most
 	@$(BIN)/python -m research.paper --quick --output out/study/short/paper
-	@$(BIN)/study sweep guide_angle --output out/study/short/sweep
+	@$(BIN)/study sweep --scene paper --vary effects.normal_force=printed,unilateral --vary guide.angle=0.7:1.57:10 \
+		--measure mean_speed delivered_power stick_share --output out/study/short/sweep
 	@$(BIN)/study optimise --quick --output out/study/short/optimise
 	@$(BIN)/python -m research.literature --quick --output out/study/short/literature
 	@$(BIN)/study orbits --quick --output out/study/short/orbits

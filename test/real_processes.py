@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 
 from vibro_ros.process.executables import EXECUTABLES
 
@@ -100,6 +101,12 @@ class Bench:
     def spin_once(self) -> None:
         """Run one callback, if one is ready."""
         self._executor.spin_once(timeout_sec=0.0)
+
+    def publishers(self, kinds: Mapping[str, type], depth: int = 10) -> dict[str, Publisher]:
+        """Return a publisher of each topic, whose types are given, once each has a subscriber."""
+        made = {topic: self.node.create_publisher(kind, topic, depth) for topic, kind in kinds.items()}
+        self.spin_until(lambda: all(one.get_subscription_count() for one in made.values()), f"subscribers of {[*made]}")
+        return made
 
     def close(self) -> None:
         self._executor.shutdown()

@@ -16,28 +16,39 @@ import numpy as np
 
 from benchmark import problems
 from vibro_lab.accuracy.accuracy import draw
-from vibro_lab.accuracy.chart import COST_AXIS, draw_errors, style
-from vibro_lab.accuracy.harness import ABSENT, OK, REFERENCE, REQUIRED, Effort, Row, read_rows
+from vibro_lab.accuracy.harness import (
+    ABSENT,
+    AVERAGE,
+    LEAST_TIME,
+    OK,
+    RATE,
+    REFERENCE,
+    REQUIRED,
+    Effort,
+    Row,
+    read_rows,
+)
 from vibro_lab.accuracy.programs import PLAIN, TUNED
 from vibro_lab.accuracy.report import (
-    COST,
+    COST_AXIS,
     REQUIREMENTS,
+    WITHIN,
     Requirement,
     advice,
     averages_of,
     cheapest,
-    digit_factor,
+    draw_errors,
     finding,
     goes_wrong_way,
-    how_measured,
     is_one_speed,
-    section,
+    reference_in_words,
+    speeds_by_exact,
+    style,
     two_digits,
 )
 from vibro_lab.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
-from vibro_lab.orbits.starts import SETTLING, STARTING, started_at_share
+from vibro_lab.orbits.starts import RUNNING_SPEED, SETTLING, STARTING, started_at_share
 from vibro_lab.study.figures import Figure, default_settings, new_figure, png, set_heading, style_axes
-from vibro_lab.study.page import markdown_table
 from vibro_ros import Scene, load_scene
 
 SCENE_ROWS, PROBLEM_ROWS = Path("accuracy/accuracy.csv"), Path("benchmark/results.csv")
@@ -51,6 +62,7 @@ SHOWN, CLOSER, STEPS, BLIND = "device", "paper", (2e-4, 1e-4, 5e-5, 1e-5), 2e-4
 #: The five programs of the picture, in the order of their labels.
 LABELLED = ("exact", "heyoka", "rk4_located", "rk4_by_hand", "rk4")
 BY_HAND, HAND_STEP = "rk4_by_hand", 1e-5
+COST = "cost [s/s]"  # heading of the unit of all costs
 #: Errors below this are rounding errors, and are drawn at this value.
 FLOOR = 1e-16
 #: A program is as accurate as `exact` if its error, as a share of the span, is below this or below that of `exact`; on
@@ -58,6 +70,12 @@ FLOOR = 1e-16
 AS_ACCURATE, EXACT_TOLERANCE = 1e-12, 1e-9
 MILLIMETRE, MICROMETRE = REQUIREMENTS[3], REQUIREMENTS[4]
 _EFFORT = Effort(repeats=3)
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table with a line for each row; a bar within a cell is a slash, because it would end the cell."""
+    first, *others = (f"| {' | '.join(str(cell).replace('|', '/') for cell in cells)} |" for cells in (heads, *rows))
+    return "\n".join([first, "|---" * len(heads) + "|", *others])
 
 
 def by_problem(rows: Iterable[Row]) -> dict[str, list[Row]]:
@@ -229,6 +247,19 @@ def draw_cost(rows: Sequence[Row]) -> Figure:
     return figure
 
 
+def how_measured(rows: Sequence[Row], effort: Effort) -> str:
+    """Return a description of the measurement in Markdown: unit of cost, rounds, instants, starts and machine."""
+    machines = dict.fromkeys(row.measured_on for row in rows if row.measured_on)
+    return ("A cost is the wall time in seconds for each simulated second, without the set-up of the run, which has "
+            "its own column [s]: runs over the horizon alternate with runs over the first sample. Costs are medians of "
+            f"at most {effort.repeats} rounds, each the median of as many runs as fit into {LEAST_TIME:g} s, sampled "
+            f"at {RATE:g} Hz. No finer setting is measured after a run of more than {effort.patience:g} s. Errors are "
+            "measured in other runs, at instants that do not coincide with samples or steps; `every position` means "
+            "the body along the ground, its height, and both masses. A motor that stands in the scene turns at "
+            f"{RUNNING_SPEED:g} rad/s: in runs of {LONG:g} s by a command at t = 0, in shorter ones from the start. "
+            f"Measured on {'; and on '.join(machines) or 'an unknown machine'}.")
+
+
 # A section for each scene
 
 
@@ -250,6 +281,51 @@ def scenes_page(scenes: Mapping[str, Sequence[Row]]) -> str:
                   "Nothing in such a curve shows that it is wrong: no jump, no noise, no error message."]
     parts += [section(rows, f"{name}.png") for name, rows in scenes.items()]
     return "\n\n".join(parts) + "\n"
+
+
+def section(rows: Sequence[Row], picture: str) -> str:
+    """Return the section of a scene in Markdown: diagram, chaos, reference and mean speeds."""
+    reference, growth = reference_of(rows), lyapunov_time_in(rows)
+    chaos, name = str(growth), rows[0].problem
+    horizon = f"Trajectories are compared within {reference.horizon:g} s only; beyond that, averages are compared."
+    if reference.horizon > growth.comparable:
+        horizon = (f"Trajectories are compared within {reference.horizon:g} s as asked for, BEYOND the "
+                   f"{growth.comparable:.2g} s that chaos allows: the errors show it as much as the programs.")
+    return "\n\n".join([f"## {name}", f"![{name}: error over cost, and mean speed over the step]({picture})",
+                        f"{chaos[0].upper()}{chaos[1:]}. {horizon}",
+                        reference_in_words(reference), speeds_table(rows)])
+
+
+def reference_of(rows: Sequence[Row]) -> Row:
+    """Return the row with the uncertainty of the reference within the diagram's horizon."""
+    return next(row for row in rows if row.compared == REFERENCE)
+
+
+def speeds_table(rows: Sequence[Row]) -> str:
+    """Return the table of mean speeds by method and step in Markdown; bold within 5 %, marked if of the wrong sign."""
+    measured: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        if row.compared == AVERAGE and row.program != "exact":
+            measured.setdefault((row.program, row.value), []).append(row)
+    exact, steps = averages_of(rows, "exact"), sorted({value for _, value in measured}, reverse=True)
+    if not exact or not steps:
+        return "No mean speeds were measured."
+    whole = markdown_table(("mean speed, mm/s", *(f"{step:.0e} s" for step in steps)), [
+        (method, *("; ".join(_cell(row, exact[0]) for row in measured.get((method, step), [])) for step in steps))
+        for method in dict.fromkeys(method for method, _ in measured)])
+    starts = sum(row.repeats for row in exact)
+    return "\n".join([whole, "", f"By `exact`, {starts} drawn starts of {exact[0].horizon:g} s after {SETTLING:g} s: "
+                      f"{speeds_by_exact(rows)}. In brackets: nine of ten starts lie from the first to the second. "
+                      f"Bold: within {WITHIN:.0%}; (!): the wrong way."])
+
+
+def _cell(row: Row, exact: Row) -> str:
+    if not math.isfinite(row.mean):
+        return "diverges"
+    text = f"{1e3 * row.mean:+.1f} ({1e3 * row.low:.1f} to {1e3 * row.high:.1f})"
+    if abs(row.mean - exact.mean) <= WITHIN * abs(exact.mean):
+        return f"**{text}**"
+    return text + " (!)" * goes_wrong_way(row, exact)
 
 
 def _lyapunov(rows: Sequence[Row]) -> str:
@@ -369,6 +445,17 @@ def versions(rows: Iterable[Row]) -> str:
             ran.setdefault(row.program, {}).setdefault(row.version, {})[row.problem] = None
     return ", ".join(dict.fromkeys(f"{version} ({', '.join(on)})" if len(versions) > 1 else version
                                    for versions in ran.values() for version, on in versions.items()))
+
+
+def digit_factor(ladder: Sequence[tuple[float, float]]) -> float:
+    """Factor by which one more digit multiplies the cost: a fit of log cost over log error to pairs of error and cost.
+
+    NaN for one setting, or settings that gain less than half a digit from the first to the last.
+    """
+    logs = np.log10(np.array([(error, cost) for error, cost in ladder if error > 0.0 and cost > 0.0]).reshape(-1, 2))
+    if len(logs) < 2 or logs[0, 0] - logs[-1, 0] < 0.5:
+        return math.nan
+    return float(10.0 ** -np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
 
 
 def digit_table(rows: Sequence[Row], names: Sequence[str]) -> str:

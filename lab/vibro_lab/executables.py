@@ -23,7 +23,7 @@ endless : bool
 EXECUTABLES = {
     "accuracy": Executable(
         "vibro_lab.accuracy.accuracy",
-        "Measure error over cost for every method, as a table and a diagram for each scene."),
+        "Measure error over cost for every method: advice, rows and a diagram for each scene."),
     "study": Executable(
         "vibro_lab.study.command", "Study the machine: sweeps, the optimum, orbits, diagrams, basins, maps."),
     "twin": Executable(

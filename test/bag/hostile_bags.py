@@ -223,8 +223,9 @@ OF_METADATA: dict[str, Maker] = {
     "a scene of lines": custom("scene", '"a\\nb\\e[31m"'),
     "link to zero as metadata": linked("metadata.yaml", "/dev/zero"),
     "pipe as metadata": piped("metadata.yaml"),
-    "link as part": linked("part", "precious"),
+    "part as link": linked("part", "precious"),
     "pipe as part": piped("part"),
-    "link as torn": without_metadata(torn(linked("run_0.mcap.torn", "precious"))),
+    **{f"link as {name}": without_metadata(torn(linked(name, "precious"))) for name in (
+        "run_0.mcap.torn", "metadata.yaml.tmp", "metadata.yaml", "run_1.mcap")},
     "another name outside": without_metadata(torn(hard_linked)),
 }

@@ -85,6 +85,11 @@ def test_masses_are_the_scenes_and_inertias_are_those_of_bodies(scene):
         assert moments[2] < moments[0] + moments[1], f"{name}: no body has such moments"
 
 
+def test_an_imu_that_is_on_has_a_link():
+    for rate, names in ((0.0, 0), (100.0, 2)):  # of a link and of its joint
+        assert robot_description(changed({"sensors.imu.rate": rate})).count('name="imu_link"') == names
+
+
 @pytest.mark.parametrize("angle", ANGLES)
 def test_links_lie_where_the_model_has_their_parts(scene, angle):
     kinematics = Kinematics(robot_description(scene))

@@ -127,6 +127,12 @@ def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path, ca
         capsys.readouterr().err)
 
 
+def test_a_recording_that_ends_as_it_begins_is_unknown(recorded, tmp_path):
+    empty = rewritten(recorded, tmp_path / "empty", lambda messages: [message for message in messages
+                                                                      if message[0] != "/odom"])
+    assert energy_of(load_bag(empty)) == {"unknown": "no odometry is recorded"}
+
+
 def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
     """A change of the last odometry by one rounding is enough."""
     def move(odometry):

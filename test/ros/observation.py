@@ -56,7 +56,7 @@ def bags(folder: Path) -> list[Path]:
 
 def stamps_of(folder: Path, topic: str = "/odom") -> list[int]:
     with Reader(folder) as reader:
-        chosen = [one for one in reader.connections if one.topic == topic]
+        chosen = [connection for connection in reader.connections if connection.topic == topic]
         return [stamp for _, stamp, _ in reader.messages(chosen)]
 
 
@@ -83,10 +83,10 @@ def whole_bag(robot) -> Path:
 def messages_of(folder: Path) -> dict[str, list]:
     """Return the messages by topic, read by rosbags."""
     with Reader(folder) as reader:
-        found: dict[str, list] = {one.topic: [] for one in reader.connections}
-        for one, _, data in reader.messages():
-            found[one.topic].append(deserialised(bytes(data), one.msgtype))
-    return found
+        messages: dict[str, list] = {connection.topic: [] for connection in reader.connections}
+        for connection, _, data in reader.messages():
+            messages[connection.topic].append(deserialised(bytes(data), connection.msgtype))
+    return messages
 
 
 def write(folder: Path, text: str) -> str:

@@ -21,14 +21,13 @@ SENSORS = ("sensors.preset:=bmi270", "sensors.imu.rate:=800.0", "sensors.imu.del
 def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) -> None:
     """Send commands at random instants for so long, `COMMANDS` a second at least; some come together, some are bad."""
     chance = random.Random(seed)
-    publishers = {name: bench.node.create_publisher(Float64, topics.get(name, name), 10) for name in RANGES}
-    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "robot listens")
+    publishers = bench.publishers({topics.get(name, name): Float64 for name in RANGES})
     end, sent = time.monotonic() + seconds, 0
     while time.monotonic() < end or sent < COMMANDS * seconds:
         together = chance.choice((1, 1, 3))
         for _ in range(together):
             name = chance.choice(list(RANGES))
-            publishers[name].publish(Float64(data=chance.uniform(*RANGES[name])))
+            publishers[topics.get(name, name)].publish(Float64(data=chance.uniform(*RANGES[name])))
         sent += together
         due = time.monotonic() + chance.expovariate(50.0)
         bench.spin_until(lambda due=due: time.monotonic() >= due, "the next command", patience=10.0)

@@ -19,21 +19,17 @@ def test_own_arguments_are_those_outside_ros_args(words: list[str], own: list[st
     assert own_arguments(words) == own
 
 
-@pytest.mark.parametrize("option", ["-p", "-r", "--params-file"])
-def test_an_option_of_ros_outside_ros_args_is_named_with_its_remedy(option):
-    with pytest.raises(ValueError, match=f"^{option}: is an option of ROS; write --ros-args before it, such as "
-                                         f"--ros-args {option} "):
-        own_arguments([option, "scene:=paper", "--ros-args", "-p", "a:=1"])
-
-
 @pytest.mark.parametrize("words, remedy", [
+    *([[option, "scene:=paper", "--ros-args", "-p", "a:=1"],
+       f"{option}: is an option of ROS; write --ros-args before it, such as --ros-args {option} "]
+      for option in ("-p", "-r", "--params-file")),
     (["--scene", "damped"], "--scene: is a parameter of ROS; write --ros-args -p scene:=damped"),
     (["--scene=damped"], "--scene=damped: is a parameter of ROS; write --ros-args -p scene:=damped"),
     (["scene:=damped", "x"], "scene:=damped: is a parameter of ROS; write --ros-args -p scene:=damped"),
     (["__ns:=/r1"], "__ns:=/r1: is an argument of ROS; write --ros-args -r __ns:=/r1"),
     (["odom:=o"], "odom:=o: is an argument of ROS; write --ros-args -p odom:=o for a parameter, -r odom"),
 ])
-def test_a_parameter_outside_ros_args_is_shown_as_it_is_written(words, remedy):
+def test_an_argument_of_ros_outside_ros_args_is_shown_as_it_is_written(words, remedy):
     with pytest.raises(ValueError, match="^[^\n]*$") as refusal:
         own_arguments(words, DEVICE_PARAMETERS)
     assert str(refusal.value).startswith(remedy)

@@ -82,17 +82,6 @@ def test_two_robots_that_hear_the_commands_stop_it(start, tmp_path):
     assert "aborted: /motor_speed 0 rad/s" in playing.text
 
 
-def test_a_launched_controller_ends_well_after_a_signal(start, bench, tmp_path):
-    """`launch` reports any other exit code as a process that has died."""
-    listener = Listener(bench)
-    controller = start("controller", write(tmp_path, "entries: [{for: 1000.0, motor_speed: 9.0}]\n"), "--launched")
-    controller.wait_for("entry 1")
-    controller.send(signal.SIGINT)
-    listener.spin_until_ended(controller)
-    assert controller.end() == 0 and listener.heard["motor_speed"][-1] == 0.0
-    assert controller.lines[-1].endswith("aborted: /motor_speed 0 rad/s")
-
-
 @pytest.mark.parametrize("words, reason", [
     (["script.yaml"], "controller: script.yaml: entry 2: motor_speed: nan is not finite; give a number in rad/s"),
     (["nope.yaml"], "controller: nope.yaml: neither a shipped script nor a file; shipped scripts are crawl, goals, "
@@ -164,16 +153,18 @@ def test_each_end_of_a_script_says_what_becomes_of_the_motor(start, bench, tmp_p
     bench.spin_until(lambda: len(speeds) == 2, "the stop")
     assert speeds == [9.0, 0.0]
 
-    speeds.clear()
     endless = write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0, upper_gap: 0.001}]\n")
-    controller = start("controller", endless)
-    bench.spin_until(lambda: speeds, "first command")
-    controller.send(signal.SIGINT)
-    listener.spin_until_ended(controller)
-    assert controller.end() == 128 + signal.SIGINT
-    bench.spin_until(lambda: len(speeds) == 2, "the stop")
-    assert listener.heard == {"motor_speed": [10.0, 0.0], "upper_gap": [0.001], "inclined_gap": []}
-    assert "Traceback" not in controller.text
+    for words, code in (((), 128 + signal.SIGINT), (("--launched",), 0)):  # `launch` takes any code but 0 for a death
+        for heard in listener.heard.values():
+            heard.clear()
+        controller = start("controller", endless, *words)
+        bench.spin_until(lambda: speeds, "first command")
+        controller.send(signal.SIGINT)
+        listener.spin_until_ended(controller)
+        assert controller.end() == code
+        bench.spin_until(lambda: len(speeds) == 2, "the stop")
+        assert listener.heard == {"motor_speed": [10.0, 0.0], "upper_gap": [0.001], "inclined_gap": []}
+        assert controller.lines[-1].endswith("aborted: /motor_speed 0 rad/s") and "Traceback" not in controller.text
 
     controller = start("controller", endless)
     bench.spin_until(lambda: len(speeds) == 3, "first command")

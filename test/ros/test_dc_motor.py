@@ -20,10 +20,9 @@ def test_volts_turn_the_crank_and_the_replay_is_identical(start, bench, tmp_path
     heard = {name: [] for name in ("motor_current", "electrical_power")}
     for name, of_topic in heard.items():
         bench.node.create_subscription(Float64, name, of_topic.append, 10)
-    volts, speed = (bench.node.create_publisher(Float64, name, 10) for name in ("motor_voltage", "motor_speed"))
 
     def drive(bench):
-        bench.spin_until(lambda: volts.get_subscription_count() and speed.get_subscription_count(), "a robot")
+        volts, speed = bench.publishers({"motor_voltage": Float64, "motor_speed": Float64}).values()
         for publisher, value in ((volts, 18.0), (speed, 10.0), (volts, 1e3), (volts, float("nan"))):
             publisher.publish(Float64(data=value))
         before = len(heard["motor_current"])

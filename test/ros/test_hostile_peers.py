@@ -52,25 +52,6 @@ VALUES = (0.0, -0.0, 5e-324, 2.2250738585072014e-308, 1e-300, 500.0, 500.0000000
           1.7976931348623157e308, math.inf, -math.inf, math.nan, 0.06, -0.06, 0.0600001)
 
 
-class Attacker:
-    """Publishes any bytes on the robot's command topics."""
-
-    def __init__(self, bench):
-        self.bench = bench
-        self._publishers = {name: bench.node.create_publisher(Float64, name, 10) for name in COMMANDS}
-
-    def wait_for_robot(self) -> None:
-        self.bench.spin_until(lambda: all(one.get_subscription_count() for one in self._publishers.values()), "robot")
-
-    def publish(self, name: str, data: bytes) -> None:
-        self._publishers[name].publish(data)
-
-
-@pytest.fixture
-def attacker(bench):
-    return Attacker(bench)
-
-
 def padded(data: bytes) -> bytes:
     """Return `data` as it arrives: DDS pads it with zeros to a multiple of 4 bytes."""
     return data + bytes(-len(data) % 4)
@@ -99,27 +80,27 @@ def any_command(chance: random.Random) -> bytes:
 
 
 def test_messages_that_are_no_command_and_thousands_at_random_are_refused_counted_said_and_recorded(
-        start, attacker, listener, bench, tmp_path):
+        start, listener, bench, tmp_path):
     """What is refused is what an offline device refuses of the recorded messages; what was dropped is not recorded.
     """
     chance = random.Random(12)
     robot = start("robot", "--ros-args", "-p", "rate.publish:=100.0", "-p", "motor.acceleration:=1000000.0")
-    attacker.wait_for_robot()
+    publishers = bench.publishers(dict.fromkeys(COMMANDS, Float64))
     for count, data in enumerate(MALFORMED.values(), start=1):
-        attacker.publish("motor_speed", data)
+        publishers["motor_speed"].publish(data)
         _, values = listener.wait_for_status(
             "simulation", lambda status, count=count: value_of(status, "rejected commands") == count)
     for data in GOOD.values():
-        attacker.publish("motor_speed", data)
+        publishers["motor_speed"].publish(data)
         listener.spin_for_samples(1)
     assert values["refused requests"] == values["failed callbacks"] == "0"
     assert "Warning" not in robot.text  # of Python or numpy
     assert robot.wait_for("command refused: /motor_speed: a message of 4 bytes is no std_msgs/msg/Float64")
     for _ in range(ROUNDS):
         for _ in range(5):
-            attacker.publish(chance.choice(COMMANDS), any_command(chance))
+            publishers[chance.choice(COMMANDS)].publish(any_command(chance))
         listener.spin_for_samples(1)
-    attacker.publish("motor_speed", LITTLE + struct.pack("<d", 33.0))
+    publishers["motor_speed"].publish(LITTLE + struct.pack("<d", 33.0))
     robot_state = {}
     bench.node.create_subscription(Float64, "motor_power", lambda message: robot_state.update(power=message.data), 10)
     listener.spin_for_samples(30)

@@ -76,29 +76,6 @@ def test_a_run_through_a_state_a_push_and_faults_replays_to_the_last_bit(start, 
     assert_replays(folder, 60)
 
 
-def test_a_bag_begun_amid_a_push_and_faults_replays_from_its_checkpoint_on_ice(start, bench, let, listener, record,
-                                                                           tmp_path):
-    robot = start(*RUNNING, "-p", "record.enabled:=false")
-    operator = Operator(bench)
-    operator.wait_for_robot()
-    let("set_state", names=["body_position", "body_velocity"], values=[0.9, 1.0])
-    let("inject_fault", fault="friction_patch", value=0.0, from_x=1.0, to_x=1.3, duration=3600.0)
-    listener.wait_for_status("simulation", lambda status: any(
-        pair.key == "lasting" and pair.value.startswith("friction_patch until") for pair in status.values))
-    let("set_state", names=["body_position", "body_velocity"], values=[1.1, 0.5])
-    let("push", force_x=2.0, duration=60.0)
-    let("inject_fault", fault="plate_stuck", of="inclined", duration=60.0)
-    assert record(True)[0]  # while all three last
-    assert let("push", duration=0.0) == "the push has ended"
-    bench.spin_until(lambda: operator.odom().pose.pose.position.x > 1.31, "the ice behind the robot")
-    let("set_state", names=["body_position", "body_velocity"], values=[1.31, -0.5])
-    bench.spin_until(lambda: operator.odom().pose.pose.position.x < 1.29, "the robot back on the ice")
-    let("inject_fault", fault="friction_patch", value=0.1, from_x=-5.0, to_x=1.2, duration=0.05)
-    operator.spin_for_samples(50)
-    folder = tmp_path / stop(robot)
-    assert_replays(folder, 50)
-
-
 def test_what_cannot_be_is_refused_in_the_device_s_words_and_the_robot_is_an_entity_with_a_state(
         start, bench, call, let, tmp_path):
     robot = start("robot", "--ros-args", "-p", "frame_prefix:=r1/", "-p", "motor.speed:=50.0")

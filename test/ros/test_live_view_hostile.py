@@ -46,10 +46,9 @@ def test_strangers_change_nothing(start, bench):
     chance = random.Random(17)
     view = start("live_view", "--port", "0")
     page = PageVisitor(address_of(view))
-    publishers = {topic: bench.node.create_publisher(kind, topic, 10) for topic, kind in KINDS.items()}
     start("robot", *CRAWL)
     page.wait_for_robot()
-    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "a view that listens")
+    publishers = bench.publishers(KINDS)
     begin = len(page.rows)
     page.wait_for_rows(50)
     for _ in range(ROUNDS):

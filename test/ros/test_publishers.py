@@ -117,7 +117,7 @@ def test_a_template_of_numbers_that_are_changed_on_the_way_is_refused():
         Template([(message, "geometry_msgs/msg/Vector3")], fill, 2)
 
 
-def test_impacts_push_their_plates_outwards_and_measurements_have_their_own_stamps():
+def test_impacts_push_their_plates_outwards_and_measurements_have_their_own_stamps_fields_and_variances():
     scene = load_scene("machine").with_parameters(SENSORS)
     messages, ((values, stamp),) = RobotMessages(scene, "r1/", NONE), random_cases(5, 1)
     read_by = {"imu": np.arange(1.0, 9.0), "encoder": np.array([1.5, 2.5]), "current": np.array([1.5, 30.0]),
@@ -133,7 +133,15 @@ def test_impacts_push_their_plates_outwards_and_measurements_have_their_own_stam
     for name, frame in (("imu/data_raw", "imu_link"), ("encoder", "base_link"), ("battery", "base_link"),
                         ("tracking", "odom")):
         assert_header(of_sensors[name].header, stamp_of(0.5), f"r1/{frame}")
-    assert list(of_sensors) == ["imu/data_raw", "encoder", "battery", "tracking"]
+    imu, encoder, battery, tracking = (of_sensors[name] for name in ("imu/data_raw", "encoder", "battery", "tracking"))
+    assert imu.linear_acceleration.z == 3.0 and imu.angular_velocity.x == 4.0
+    assert imu.linear_acceleration_covariance.tolist() == (7.0 * np.eye(3)).ravel().tolist()
+    assert imu.angular_velocity_covariance.tolist() == (8.0 * np.eye(3)).ravel().tolist()
+    assert imu.orientation_covariance[0] == -1.0
+    assert (list(encoder.name), list(encoder.position), list(encoder.velocity)) == (["crank"], [1.5], [2.5])
+    assert np.isnan(encoder.effort).all() and np.isnan(battery.percentage)
+    assert (battery.voltage, battery.current, battery.present) == (30.0, -1.5, True)
+    assert np.flatnonzero(tracking.pose.covariance).tolist() == [0, 7, 14]
 
 
 def test_rclpy_publishes_bytes_by_its_handle(bench):

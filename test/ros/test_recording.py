@@ -4,12 +4,11 @@ URDF.
 
 import re
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from observation import bags, stamps_of, stop
+from observation import bags, messages_of, stamps_of, stop
 from rosbags.rosbag2 import Reader
 
 import vibro_ros
@@ -19,7 +18,6 @@ from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recorder import BagWriter, Storage
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
-from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
@@ -65,20 +63,12 @@ def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_be
         assert len(files) > 2
         for file in files:
             with Reader(file) as reader:
-                begin = reader.start_time
-            assert descriptions(file) == [(begin, expected)]
+                assert stamps_of(file, DESCRIPTION) == [reader.start_time]
+            assert [message.data for message in messages_of(file)[DESCRIPTION]] == [expected]
         with BagStream(folder) as stream:
             counted = sum(topic.messages for topic in stream.topics.values())
             assert (stream.metadata["written"], stream.metadata["lost"]) == (str(counted), "0")
         assert replay.main([str(folder)]) == 0
-
-
-def descriptions(path: Path) -> list[tuple[int, str]]:
-    """Return recorded stamp and text of each description in one of a bag's files, by rosbags alone."""
-    with Reader(path) as reader:
-        chosen = [one for one in reader.connections if one.topic == DESCRIPTION]
-        return [(stamp, deserialised(bytes(data), "std_msgs/msg/String").data)
-                for _, stamp, data in reader.messages(chosen)]
 
 
 @pytest.mark.quiet

@@ -66,6 +66,16 @@ def test_an_environment_without_ros_is_one_line(start, variable, reason):
     assert_refused(line, reason)
 
 
+def test_a_robot_that_cannot_be_secured_does_not_start(start, tmp_path):
+    """Under `Enforce`, an enclave without keys is an error and not a robot without security."""
+    (tmp_path / "keys" / "enclaves" / "robot").mkdir(parents=True)
+    started = start("robot", "--ros-args", "--enclave", "/robot", before=[
+        "env", "ROS_SECURITY_ENABLE=true", "ROS_SECURITY_STRATEGY=Enforce", f"ROS_SECURITY_KEYSTORE={tmp_path}/keys"])
+    assert started.end() == 2, started.text
+    (line,) = started.lines
+    assert_refused(line, "robot: ROS refuses the arguments: ")
+
+
 def test_too_few_open_files_are_one_line(start):
     """With 16 to 20 of them the robot ran without some of its endpoints, below lines of Fast DDS."""
     started = start("robot", before=["sh", "-c", 'ulimit -n 20; exec "$@"', "sh"])

@@ -84,8 +84,7 @@ def test_hardware_by_topics_drives_the_robot_absurd_commands_are_refused_and_the
     status, values = listener.wait_for_status("simulation", lambda status: value_of(
         status, "stops by command.timeout") == 1.0)
     assert values["rejected commands"] == "0"
-    publisher = bench.node.create_publisher(JointState, "joint_commands", 10)
-    bench.spin_until(publisher.get_subscription_count, "the robot")
+    (publisher,) = bench.publishers({"joint_commands": JointState}).values()
     wheels = [JointState(name=["crank", "wheel"], velocity=[10.0])] * 3  # another robot's, counted and told once
     for message in (*wheels, JointState(name=["elbow\n"], position=[1.0]), JointState(name=["crank"], velocity=[1e300]),
                     JointState(name=["crank"], velocity=[-501.0]), JointState(name=["crank"] * 3, velocity=[1.0] * 2),

@@ -7,19 +7,12 @@ import numpy as np
 import pytest
 from random_run import FASTER, SENSORS, record_run
 from rclpy.qos import qos_profile_sensor_data
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.robot_messages import RobotMessages
 from vibro_ros.messages.topics import SENSOR_TOPICS, TOPICS
-from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
-from vibro_ros.ros.robot.recording import message_class
-from vibro_ros.sensors.device import Measurement
-from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS
 
 
 def test_a_sensed_run_is_identical_in_its_replay_and_another_seed_is_another_noise(start, bench, call, tmp_path,
@@ -65,24 +58,3 @@ def test_a_run_without_sensors_is_sensed_in_its_replay(recorded, capsys):
     folder = capsys.readouterr().out.splitlines()[-1]
     assert len(read_bag(folder)["imu/data_raw"]["time"]) > 100
     assert replay.main([folder]) == 0
-
-
-def test_frames_and_messages_of_sensors():
-    scene = load_scene("machine").with_parameters({f"sensors.{name}.rate": 100.0 for name in SENSOR_TOPICS})
-    assert "imu_link" not in robot_description(load_scene("machine"))
-    assert robot_description(scene).count('name="imu_link"') == 2  # a link and its joint
-    read = {"imu": np.arange(1.0, 9.0), "encoder": np.array([1.5, 2.5]), "current": np.array([1.5, 30.0]),
-            "tracking": np.array([1.0, 2.0, 3.0, 4.0])}
-    measured = [Measurement(name, 1.0, numbers) for name, numbers in read.items()]
-    found = dict(RobotMessages(scene, "a/").of_sample(np.zeros(len(FIELDS)), np.empty(0, EVENT_DTYPE), measured, 0,
-                                                      lambda time: round(1e9 * time)))
-    imu, encoder, battery, seen = (deserialize_message(found[SENSOR_TOPICS[name]], message_class(
-        TOPICS[SENSOR_TOPICS[name]].type)) for name in read)
-    assert imu.header.frame_id == "a/imu_link" and imu.linear_acceleration.z == 3.0 and imu.angular_velocity.x == 4.0
-    assert imu.linear_acceleration_covariance.tolist() == (7.0 * np.eye(3)).ravel().tolist()
-    assert imu.angular_velocity_covariance.tolist() == (8.0 * np.eye(3)).ravel().tolist()
-    assert imu.orientation_covariance[0] == -1.0
-    assert (list(encoder.name), list(encoder.position), list(encoder.velocity)) == (["crank"], [1.5], [2.5])
-    assert np.isnan(encoder.effort).all() and np.isnan(battery.percentage)
-    assert (battery.voltage, battery.current, battery.present) == (30.0, -1.5, True)
-    assert seen.header.frame_id == "a/odom" and np.flatnonzero(seen.pose.covariance).tolist() == [0, 7, 14]

@@ -1,17 +1,15 @@
 """A live robot as a simulator, for a program that knows simulation_interfaces and nothing of this robot."""
 
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from observation import stamps_of, whole_bag
 from operated_robot import stop
-from rosbags.rosbag2 import Reader
 from simulator_user import MOST_STEPS, Code, State
 from std_srvs.srv import SetBool, Trigger
+from test_operations import operations_in
 
-from vibro_ros.messages.codec import deserialised
 from vibro_ros.recordings import replay
 from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.robot.simulation_services import FEEDBACK_PERIOD
@@ -71,8 +69,8 @@ def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, 
         assert simulator.result(simulator.send(steps))[1:] == (Code.OPERATION_FAILED, words)
     assert simulator.become(State.PLAYING) == Code.OK
     bag = tmp_path / stop(simulator.robot)
-    (stepped, _), (resumed, words) = operations(bag)[-2:]
-    assert words == "resume"
+    *_, stepped, resumed = stamps_of(bag, "/vibro_robot/operations")
+    assert operations_in(bag)[-1] == "resume"
     assert len([stamp for stamp in stamps_of(bag) if stepped < stamp <= resumed]) == 7
 
 
@@ -98,13 +96,6 @@ def test_the_robot_is_the_one_entity_that_filters_choose_or_not(simulator, types
     answer = call(types.srv.GetEntityInfo, "get_entity_info", entity="vibro_robot")
     assert (answer.result.result, answer.info.category) == (Code.OK, robot) and "device" in answer.info.description
     assert call(types.srv.GetEntityInfo, "get_entity_info", entity="arm").result.result == Code.NOT_FOUND
-
-
-def operations(bag: Path) -> list[tuple[int, str]]:
-    """Return stamp and text of each operation that the robot has published."""
-    with Reader(bag) as reader:
-        chosen = [one for one in reader.connections if one.topic == "/vibro_robot/operations"]
-        return [(stamp, deserialised(bytes(data), one.msgtype).data) for one, stamp, data in reader.messages(chosen)]
 
 
 def test_many_steps_hold_nobody_up_tell_how_far_they_are_can_be_cancelled_and_are_answered_when_the_robot_ends(

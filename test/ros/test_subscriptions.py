@@ -11,8 +11,7 @@ from vibro_ros.ros.robot.subscriptions import CommandSubscriptions
 def test_rclpy_hands_out_bytes_and_instant_of_a_message(bench):
     """`take_message` is not documented, so this test fails if rclpy changes or removes it."""
     subscription = PollingSubscription(bench.node, Float64, "numbers", 10)
-    publisher = bench.node.create_publisher(Float64, "numbers", 10)
-    bench.spin_until(publisher.get_subscription_count, "match")
+    (publisher,) = bench.publishers({"numbers": Float64}).values()
     for number in range(3):
         publisher.publish(Float64(data=float(number)))
     taken = []
@@ -28,8 +27,7 @@ def test_rclpy_hands_out_bytes_and_instant_of_a_message(bench):
 def test_a_message_whose_publisher_came_and_left_between_two_polls_arrives(bench):
     subscription, taken = PollingSubscription(bench.node, Float64, "numbers", 10), []
     for number in range(3):  # also after a publisher that has left, which was polled in vain
-        publisher = bench.node.create_publisher(Float64, "numbers", 10)
-        bench.spin_until(publisher.get_subscription_count, "match")
+        (publisher,) = bench.publishers({"numbers": Float64}).values()
         publisher.publish(Float64(data=float(number)))
         assert publisher.wait_for_all_acked()
         bench.node.destroy_publisher(publisher)
@@ -42,8 +40,7 @@ def test_a_message_whose_publisher_came_and_left_between_two_polls_arrives(bench
 def test_commands_are_recorded_in_the_order_of_arrival_and_of_a_flood_the_last_ones_stand(bench):
     scene = vibro_ros.load_scene("device")
     device, commands, recorded = vibro_ros.Simulator(scene), CommandSubscriptions(bench.node, scene), []
-    publishers = {name: bench.node.create_publisher(Float64, name, 1000) for name in ("motor_speed", "upper_gap")}
-    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "match")
+    publishers = bench.publishers({"motor_speed": Float64, "upper_gap": Float64}, depth=1000)
 
     def received(most: int) -> bool:
         commands.apply(device, 7, lambda topic, stamp, data: recorded.append((topic, stamp)))

@@ -46,8 +46,7 @@ def test_each_hears_its_own_commands_and_is_known_by_its_own_names(two, bench, t
                 QoSProfile(depth=1000))
         bench.node.create_subscription(JointState, f"/{name}/joint_states",
                                        lambda message, name=name: power.update({name: message.velocity[0]}), 10)
-        publisher = bench.node.create_publisher(Float64, f"/{name}/motor_speed", 10)
-        bench.spin_until(publisher.get_subscription_count, name)
+        (publisher,) = bench.publishers({f"/{name}/motor_speed": Float64}).values()
         publisher.publish(Float64(data=speed))
     expected = {name: {PREFIX[name] + frame for frame in ("odom", "base_link", "upper_plate", "inclined_plate")}
                 for name in SPEEDS}

@@ -44,6 +44,13 @@ def refused(made: vibro_ros.Simulator, words: str) -> Iterator[None]:
     assert made.checkpoint().tobytes() == before
 
 
+def assert_go_on_alike(made: vibro_ros.Simulator, other: vibro_ros.Simulator, until: float) -> None:
+    """Check that two devices that are advanced to an instant [s] have the same state there, to the last bit."""
+    for each in (made, other):
+        each.advance_to(until)
+    assert made.state == other.state
+
+
 def suffer(made: vibro_ros.Simulator) -> None:
     """Give a device every fault that it can have, and a push, from now on."""
     made.push(0.0371, force_x=8.0, force_z=9.0 if made.scene.body_hops else 0.0)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from commanded_device import refused, running
+from commanded_device import assert_go_on_alike, refused, running
 
 import vibro_ros
 
@@ -88,9 +88,12 @@ def test_a_duration_of_zero_and_a_reset_end_what_lasts():
         device.fail("motor_stall", 5.0)
         which()
     assert not device.disturbances
-    for one in (device, untouched):
-        one.advance_to(0.2)
-    assert device.state == untouched.state
+    assert_go_on_alike(device, untouched, 0.2)
+
+
+def patch(**changes: object) -> dict[str, object]:
+    """The arguments of a fault that the device accepts, a patch of ground ahead of it, with changes."""
+    return {"fault": "friction_patch", "duration": 1.0, "value": 0.1, "from_x": 0.0, "to_x": 1.0} | changes
 
 
 @pytest.mark.parametrize(("ask", "words"), [
@@ -110,9 +113,17 @@ def test_a_duration_of_zero_and_a_reset_end_what_lasts():
     (lambda device: device.fail("supply_sag", 1.0), "value: 0 is out of range"),
     (lambda device: device.fail("lost_commands", 1.0), "befalls commands, which this device does not have"),
     (lambda device: device.fail(["motor_stall"], 1.0), "fault"),
-    (lambda device: device.fail("motor_stall", "long"), "duration: 'long' is not a number")])
+    (lambda device: device.fail("motor_stall", "long"), "duration: 'long' is not a number"),
+    *((lambda device, changes=changes: device.fail(**patch(**changes)), words) for changes, words in (
+        ({"from_x": 1.0}, "to_x: 1 m does not lie ahead of from_x, 1 m; give a greater one"),
+        ({"from_x": math.nan}, "from_x: nan is not finite"), ({"from_x": -1e300}, "from_x: -1e[+]300 is out of range"),
+        ({"from_x": "here"}, "from_x: 'here' is not a number"), ({"value": -0.1}, "value: -0.1 is out of range"),
+        ({"value": 900.0}, "value: as on a patch, ground.friction: at 900 the reaction"),
+        ({"of": "upper"}, "of: 'upper' has no friction_patch; give nothing"),
+        ({"fault": "motor_stall", "value": 0.0, "from_x": 1.0, "to_x": 0.0}, "from_x: 1 is out of range"),
+        ({"duration": 0.0, "value": 0.0}, "to_x: 1 is out of range")))])
 def test_what_cannot_be_is_refused_and_changes_nothing(ask, words: str):
-    device = running("unilateral")
+    device = running("unilateral", effects__reaction=True)
     device.advance_to(0.1)
     with refused(device, words):
         ask(device)

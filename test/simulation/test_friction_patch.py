@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from commanded_device import refused, running
+from commanded_device import assert_go_on_alike, running
 
 import vibro_ros
 
@@ -69,9 +69,7 @@ def test_a_body_that_does_not_reach_a_patch_or_stands_on_its_edge_does_not_feel_
     for start in (np.nextafter(distance, 1.0), distance + 1e-9, distance + 0.1):
         device, untouched = block(1.0), block(1.0)
         device.fail("friction_patch", LONG, value=0.0, from_x=start, to_x=start + 1.0)
-        for one in (device, untouched):
-            one.advance_to(2.0)
-        assert device.state == untouched.state
+        assert_go_on_alike(device, untouched, 2.0)
     standing = block(0.0)
     standing.set_state(body_position=0.25)
     for edges in ((0.25, 0.5), (0.0, 0.25), (0.25 - 1e-17, 0.25 + 1e-16)):
@@ -174,23 +172,6 @@ def test_the_first_edge_is_where_bisection_finds_it_and_the_floor_changes_there(
     assert device.state.body_position < edge - 1e-4
     for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity"):
         assert getattr(device.state, name) == pytest.approx(getattr(other.state, name), abs=1e-11), name
-
-
-@pytest.mark.parametrize(("asked", "words"), [
-    ({"value": 0.1, "from_x": 1.0, "to_x": 1.0}, "to_x: 1 m does not lie ahead of from_x, 1 m; give a greater one"),
-    ({"value": 0.1, "from_x": math.nan, "to_x": 1.0}, "from_x: nan is not finite"),
-    ({"value": 0.1, "from_x": -1e300, "to_x": 0.0}, "from_x: -1e[+]300 is out of range"),
-    ({"value": 0.1, "from_x": "here", "to_x": 1.0}, "from_x: 'here' is not a number"),
-    ({"value": -0.1, "from_x": 0.0, "to_x": 1.0}, "value: -0.1 is out of range"),
-    ({"value": 900.0, "from_x": 0.0, "to_x": 1.0}, "value: as on a patch, ground.friction: at 900 the reaction"),
-    ({"of": "upper", "value": 0.1, "from_x": 0.0, "to_x": 1.0}, "of: 'upper' has no friction_patch; give nothing"),
-    ({"fault": "motor_stall", "from_x": 1.0}, "from_x: 1 is out of range"),
-    ({"duration": 0.0, "to_x": 1.0}, "to_x: 1 is out of range")])
-def test_what_cannot_be_is_refused_and_changes_nothing(asked: dict, words: str):
-    device = running("device")
-    device.advance_to(0.1)
-    with refused(device, words):
-        device.fail(**{"fault": "friction_patch", "duration": 1.0} | asked)
 
 
 @pytest.mark.parametrize(("changes", "words"), [

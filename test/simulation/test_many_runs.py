@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from functools import partial
 
 import numpy as np
 import pytest
@@ -42,22 +43,15 @@ def bits(run):
     return [field.tobytes() for field in fields], counts
 
 
-@pytest.mark.parametrize("workers", [1, 2, 3, None])
-def test_every_result_is_that_of_simulate_and_in_order(workers):
+@pytest.mark.parametrize(("workers", "arguments"), [
+    *((workers, {"duration": 0.3, "rate": 200.0}) for workers in (1, 2, 3, None)),
+    (2, {"times": np.array([0.0, 0.02, 0.05])}), (2, {**SHORT, "tolerance": 1e-12, "method": "exact"})])
+def test_every_result_is_that_of_simulate_and_in_order(workers, arguments):
     """More scenes than workers, of very different length of computation."""
     scenes = [vibro_ros.load_scene(name) for name in ("paper", "no_impact", "device", "rigid", "damped", "no_impact")]
-    many = list(vibro_ros.simulate_many(iter(scenes), duration=0.3, rate=200.0, workers=workers))
-    assert [bits(run) for run in many] == [bits(vibro_ros.simulate(scene, duration=0.3, rate=200.0))
-                                           for scene in scenes]
+    many = list(vibro_ros.simulate_many(iter(scenes), **arguments, workers=workers))
+    assert [bits(run) for run in many] == [bits(vibro_ros.simulate(scene, **arguments)) for scene in scenes]
     assert running() == []
-
-
-@pytest.mark.parametrize("arguments", [
-    {"times": np.array([0.0, 0.02, 0.05])}, {**SHORT, "tolerance": 1e-12, "method": "exact"}])
-def test_arguments_of_simulate(arguments):
-    scenes = list(sweep(3))
-    for scene, run in zip(scenes, vibro_ros.simulate_many(scenes, **arguments, workers=2), strict=True):
-        assert bits(run) == bits(vibro_ros.simulate(scene, **arguments))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -76,15 +70,6 @@ def test_results_belong_to_the_user(workers):
             assert array.base is None or array.base.nbytes == array.nbytes, field.name
             array[:] = np.nan
         run.events["time"] = np.nan
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    ({"duration": 1.0}, "give duration and rate"), ({**SHORT, "workers": 0}, "workers: 0 is no number of processes"),
-    ({**SHORT, "workers": 2.0}, "workers: 2.0"), ({**SHORT, "tolerance": -1.0}, "solver.tolerance: -1 is out of"),
-    ({**SHORT, "method": "euler"}, "solver.method: 'euler' is unknown")])
-def test_wrong_arguments_are_refused_at_the_call(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        vibro_ros.simulate_many([], **arguments)
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
@@ -144,18 +129,22 @@ def test_commands_are_those_of_a_device(scene, workers):
         assert bits(run) == bits(vibro_ros.simulate(scene, times=times, commands=iter(COMMANDS)))
 
 
-@pytest.mark.parametrize(("commands", "message"), [
-    ([(0.1, {}), (0.0, {})], "commands: give ascending"), ([(-0.1, {})], "commands: give ascending"),
-    ([(float("nan"), {})], "commands: give ascending"),
-    ({0.1: {}, 0.0: {}}, "commands: give ascending"),
-    *[(wrong, "commands: give the commands by instants .* such as {0.5: {") for wrong in (
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"rate": None}, "give duration and rate"), ({"workers": 0}, "workers: 0 is no number of processes"),
+    ({"workers": 2.0}, "workers: 2.0"), ({"tolerance": -1.0}, "solver.tolerance: -1 is out of"),
+    ({"method": "euler"}, "solver.method: 'euler' is unknown"),
+    *[({"commands": wrong}, "commands: give ascending") for wrong in (
+        [(0.1, {}), (0.0, {})], [(-0.1, {})], [(float("nan"), {})], {0.1: {}, 0.0: {}})],
+    *[({"commands": wrong}, "commands: give the commands by instants .* such as {0.5: {") for wrong in (
         {"motor_speed": 1.0}, {0.5: 3.0}, [0.5], 0.5, [(0.5, "fast")])],
-    ([(0.0, {"speed": 1.0})], "commands: 'speed' is no command; give motor_speed, upper_gap, inclined_gap")])
-def test_commands_that_make_no_sense_are_refused_at_the_call(commands, message):
+    ({"commands": [(0.0, {"speed": 1.0})]},
+     "commands: 'speed' is no command; give motor_speed, upper_gap, inclined_gap")])
+def test_wrong_arguments_are_refused_at_the_call(arguments, message):
     with pytest.raises(ValueError, match=message):
-        vibro_ros.simulate_many([], **SHORT, commands=commands)
-    with pytest.raises(ValueError, match=message):
-        vibro_ros.simulate(next(sweep()), **SHORT, commands=commands)
+        vibro_ros.simulate_many([], **SHORT | arguments)
+    if "workers" not in arguments:
+        with pytest.raises(ValueError, match=message):
+            vibro_ros.simulate(next(sweep()), **SHORT | arguments)
 
 
 def test_a_mapping_of_commands_is_a_list_of_pairs():
@@ -163,13 +152,6 @@ def test_a_mapping_of_commands_is_a_list_of_pairs():
     mapped, paired, none = (bits(vibro_ros.simulate(next(sweep()), duration=0.1, rate=1000.0, commands=given))
                             for given in (commands, list(commands.items()), ()))
     assert mapped == paired != none
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_command_beyond_its_limit_names_the_scene(workers):
-    runs = vibro_ros.simulate_many(sweep(2), **SHORT, workers=workers, commands=[(0.0, {"motor_speed": 1e9})])
-    with pytest.raises(vibro_ros.SimulationError, match=r"scene 0 \(unilateral\): ValueError: motor.speed: 1e\+09"):
-        next(runs)
 
 
 def failing_at(number):
@@ -191,44 +173,30 @@ def lost_roots(monkeypatch):
     monkeypatch.setattr(Exact, "advance", lose)
 
 
+def ending():
+    """Return three scenes and an error."""
+    yield from sweep(3)
+    raise KeyError("no more")
+
+
+@pytest.mark.parametrize(("scenes", "arguments", "done", "error", "message"), [
+    (partial(failing_at, 9), {}, 9, vibro_ros.SimulationError,
+     r"^scene 9 \(unilateral, guide.angle = 0.500009, upper.gap = 0.001, motor.speed = 7.0\): at 0.0.* the search for "
+     "a guard's root did not end"),
+    (partial(sweep, 2), {"commands": [(0.0, {"motor_speed": 1e9})]}, 0, vibro_ros.SimulationError,
+     r"scene 0 \(unilateral\): ValueError: motor.speed: 1e\+09"),
+    (partial(sweep, 3), {"reduce": lambda run: (number for number in run.time), "workers": 2}, 0,
+     vibro_ros.SimulationError, r"scene 0 .* cannot be handed over: TypeError: .*generator"),
+    (lambda: ["paper"], {}, 0, TypeError, "scene 0: 'paper' is not a Scene; vibro_ros.load_scene makes one"),
+    (ending, {}, 3, KeyError, "no more")], ids=["root", "command", "result", "name", "iterable"])
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_scene_that_fails_is_named_and_those_before_it_are_not_lost(lost_roots, workers):
-    runs = vibro_ros.simulate_many(failing_at(9), **SHORT, workers=workers)
-    assert [next(runs).time[-1] for _ in range(9)] == 9 * [0.05]
-    with pytest.raises(vibro_ros.SimulationError) as error:
+def test_what_fails_is_named_and_the_results_before_it_are_not_lost(
+        lost_roots, workers, scenes, arguments, done, error, message):
+    runs = vibro_ros.simulate_many(scenes(), **{**SHORT, "workers": workers, **arguments})
+    assert [next(runs).time[-1] for _ in range(done)] == done * [0.05]
+    with pytest.raises(error, match=message):
         next(runs)
-    assert str(error.value).startswith("scene 9 (unilateral, guide.angle = 0.500009, upper.gap = 0.001, "
-                                       "motor.speed = 7.0): at 0.0")
-    assert "the search for a guard's root did not end" in str(error.value)
-    assert running() == []
-    assert list(runs) == []
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_an_error_of_the_iterable_comes_after_the_results_before_it(workers):
-    def ending():
-        yield from sweep(3)
-        raise KeyError("no more")
-
-    runs = vibro_ros.simulate_many(ending(), **SHORT, workers=workers)
-    assert len([next(runs) for _ in range(3)]) == 3
-    with pytest.raises(KeyError, match="no more"):
-        next(runs)
-    assert running() == []
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_name_is_no_scene(workers):
-    with pytest.raises(TypeError, match="scene 0: 'paper' is not a Scene; vibro_ros.load_scene makes one"):
-        next(vibro_ros.simulate_many(["paper"], **SHORT, workers=workers))
-    assert running() == []
-
-
-def test_a_result_that_cannot_be_handed_over_is_an_error_that_says_so():
-    runs = vibro_ros.simulate_many(sweep(3), **SHORT, workers=2, reduce=lambda run: (number for number in run.time))
-    with pytest.raises(vibro_ros.SimulationError, match=r"scene 0 .* cannot be handed over: TypeError: .*generator"):
-        list(runs)
-    assert running() == []
+    assert running() == [] and list(runs) == []
 
 
 def test_workers_work_at_the_same_time():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.simulation import readout
+from vibro_ros.simulation import motion
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.samples import FIELDS
 
@@ -21,7 +21,7 @@ def commanded(scene: str, method: str) -> Motion:
 @pytest.mark.parametrize("method", ["exact", "rk4"])
 def test_one_by_one_and_at_once_give_the_same_bits(scene, method, monkeypatch):
     """In groups of seven instants, with a motor that stands, turns and stands again."""
-    monkeypatch.setattr(readout, "_AT_ONCE", 7)
+    monkeypatch.setattr(motion, "AT_ONCE", 7)
     one_by_one, at_once = commanded(scene, method), commanded(scene, method)
     for speed, times in ((0.0, TIMES[:100]), (40.0, TIMES[100:200]), (0.0, TIMES[200:])):
         one_by_one.command(speed, {})
@@ -31,6 +31,21 @@ def test_one_by_one_and_at_once_give_the_same_bits(scene, method, monkeypatch):
         for k, time in enumerate(times):
             one_by_one.advance_to(time)
             assert one_by_one.now().tobytes() == np.array([found[name][k] for name in FIELDS]).tobytes()
+
+
+def test_groups_of_instants_meet_ends_of_disturbances_and_edges_as_all_at_once_do(monkeypatch):
+    """A push ends at the last instant of a group and a stall at the first of one; a patch ends within a group."""
+    runs = []
+    for group in (7, len(TIMES)):
+        monkeypatch.setattr(motion, "AT_ONCE", group)
+        device = vibro_ros.Simulator(vibro_ros.load_scene("damped"), acceleration_bandwidth=100.0)
+        device.push(TIMES[20], force_x=40.0)
+        device.fail("motor_stall", duration=TIMES[35])
+        device.fail("friction_patch", duration=TIMES[200], value=0.02, from_x=-1.0, to_x=0.001)
+        samples, accelerations = device.sample_filtered(TIMES)
+        assert device.disturbances == {} and samples.body_position.max() > 0.001
+        runs.append([*(values.tobytes() for values in vars(samples).values()), accelerations.tobytes()])
+    assert runs[0] == runs[1]
 
 
 def test_the_torque_of_a_crank_that_stands_is_the_limit_of_that_of_one_that_creeps():

@@ -111,8 +111,7 @@ def shows_what_was_published(page, view, published) -> None:
 
 
 def shows_words_of_strangers_as_text(page, bench) -> None:
-    publisher = bench.node.create_publisher(Log, "/rosout", 10)
-    bench.spin_until(lambda: publisher.get_subscription_count() > 0, "the view listens to /rosout")
+    (publisher,) = bench.publishers({"/rosout": Log}).values()
     evil = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>\u2028"
     deadline = time.monotonic() + 30.0
     while "<img src=x" not in robot_message(page):

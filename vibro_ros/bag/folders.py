@@ -34,8 +34,8 @@ def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterato
     of the recording, local time. Only the attempt to make the folder shows whether a name is free, because another
     robot may make it at the same instant. `Recorder` makes it, and raises FileExistsError.
     """
-    own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
-    folder = directory / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
+    suffix = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
+    folder = directory / now.strftime(f"vibro_robot{suffix}_%Y_%m_%d-%H_%M_%S")
     yield folder
     yield from (folder.with_name(f"{folder.name}_{number}") for number in count(2))
 
@@ -53,7 +53,8 @@ def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
             elif suffix == SUFFIX:
                 files.append(folder / entry.name)
     numbers = {file: re.search(r"_(\d{1,18})$", file.stem) for file in files}
-    return sorted(files, key=lambda file: (int(found[1]) if (found := numbers[file]) else 0, file.name)), sorted(flaws)
+    return (sorted(files, key=lambda file: (int(number[1]) if (number := numbers[file]) else 0, file.name)),
+            sorted(flaws))
 
 
 def lock(folder: Path) -> int:
@@ -88,7 +89,7 @@ def writing_processes(folders: Iterable[Path]) -> dict[Path, list[int]]:
     It finds recorders that do not lock, such as ``ros2 bag record``, among the processes that this user may inspect.
     """
     by_name = {str(folder.resolve()): folder for folder in folders}
-    found: dict[Path, set[int]] = {}
+    writers: dict[Path, set[int]] = {}
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             for link in (process / "fd").iterdir():
@@ -98,8 +99,8 @@ def writing_processes(folders: Iterable[Path]) -> dict[Path, list[int]]:
                     lines = (process / "fdinfo" / link.name).read_text().splitlines() if folder else []
                     flags = next((int(line.split()[1], 8) for line in lines if line.startswith("flags:")), os.O_RDONLY)
                     if folder and flags & os.O_ACCMODE != os.O_RDONLY:
-                        found.setdefault(folder, set()).add(int(process.name))
-    return {folder: sorted(processes) for folder, processes in found.items()}
+                        writers.setdefault(folder, set()).add(int(process.name))
+    return {folder: sorted(processes) for folder, processes in writers.items()}
 
 
 def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:

@@ -152,25 +152,25 @@ def read_metadata(folder: Path) -> dict:
 def custom_data(text: str) -> dict[str, str]:
     """Return the custom data in the text of a bag's metadata; empty when there are none."""
     try:
-        found = parse_yaml(text, LIMITS)
+        information = parse_yaml(text, LIMITS)
     except ValueError:
         return {}
-    return custom_of(found) if isinstance(found, dict) else {}
+    return custom_of(information) if isinstance(information, dict) else {}
 
 
 def custom_of(information: Mapping[str, object]) -> dict[str, str]:
     """Return the custom data in a bag's metadata, as texts by name; empty when there are none."""
-    found = information.get("custom_data")
-    return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}
+    custom = information.get("custom_data")
+    return {str(key): str(value) for key, value in custom.items()} if isinstance(custom, dict) else {}
 
 
 def qos_profiles(text: str) -> list[dict]:
     """Return the QoS profiles in the text of a channel's metadata; empty when it cannot be read."""
     try:
-        found = parse_yaml(text, LABEL_LIMITS) if len(text) <= LABEL_LIMITS.size else None
+        profiles = parse_yaml(text, LABEL_LIMITS) if len(text) <= LABEL_LIMITS.size else None
     except ValueError:
         return []
-    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+    return [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]

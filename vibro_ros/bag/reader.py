@@ -97,15 +97,15 @@ class Bag(Mapping[str, Arrays]):
         MissingTopicError
             When no topic, or more than one, has this name.
         """
-        types = {topic: one.type_name for topic, one in self.topics.items()}
-        found = [topic for topic in self.arrays if topic == name or topic.endswith(f"/{name}")
+        types = {topic: recorded.type_name for topic, recorded in self.topics.items()}
+        matches = [topic for topic in self.arrays if topic == name or topic.endswith(f"/{name}")
                  and ROBOT_TOPICS.get(_last(topic), types[topic]) == types[topic]]
-        if len(found) > 1:
-            raise MissingTopicError(f"{self.path}: {name} is ambiguous; give one of {', '.join(found)}")
-        if not found:
-            recorded = ", ".join(f"{topic} ({one.type_name})" for topic, one in self.topics.items()) or "none"
-            raise MissingTopicError(f"{self.path}: topic {name} is missing; recorded topics: {recorded}")
-        return found[0]
+        if len(matches) > 1:
+            raise MissingTopicError(f"{self.path}: {name} is ambiguous; give one of {', '.join(matches)}")
+        if not matches:
+            names = ", ".join(f"{topic} ({recorded.type_name})" for topic, recorded in self.topics.items()) or "none"
+            raise MissingTopicError(f"{self.path}: topic {name} is missing; recorded topics: {names}")
+        return matches[0]
 
     def series(self, name: str) -> Iterator[Arrays]:
         """Yield the columns of the topic called `name` that have the same instants, each time with their ``time``, and
@@ -237,9 +237,9 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
 def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = None) -> Bag:
     """Read a bag as `read_bag` does, without its warning, for callers that report the flaws themselves."""
     with BagStream(path) as stream:
-        series = {topic: Series(one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
-                  for topic, one in stream.topics.items()
-                  if one.type_name in COLUMNS and (columns is None or _last(topic) in columns)}
+        series = {topic: Series(recorded.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
+                  for topic, recorded in stream.topics.items()
+                  if recorded.type_name in COLUMNS and (columns is None or _last(topic) in columns)}
         seen: Counter[str] = Counter()
         for topic, stamp, data in stream.messages(frozenset(series)):
             try:
@@ -247,7 +247,7 @@ def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
             except ValueError as error:
                 stream.unreadable.add(topic, seen[topic], stamp, error)
             seen[topic] += 1
-        arrays = {topic: TopicArrays(one.arrays()) for topic, one in series.items()}
+        arrays = {topic: TopicArrays(rows.arrays()) for topic, rows in series.items()}
         return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
                    arrays, tuple(stream.flaws))
 
@@ -269,7 +269,7 @@ class Series:
         self._times = array("d")
         self._found: dict[str, array] = {name: array("L" if column.is_text else "d")
                                          for name, column in self._columns.items()}
-        self._texts: dict[str, dict[str, int]] = {name: {} for name, one in self._columns.items() if one.is_text}
+        self._texts: dict[str, dict[str, int]] = {name: {} for name, column in self._columns.items() if column.is_text}
 
     def append(self, time_ns: int, data: bytes) -> None:
         """Add one serialised message recorded at `time_ns` (ValueError when it cannot be read, or does not fit the
@@ -295,8 +295,8 @@ class Series:
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended afterwards."""
         arrays = {"time": _as_array(self._times)}
-        for name, found in self._found.items():
-            arrays[name] = _as_array(found)
+        for name, values in self._found.items():
+            arrays[name] = _as_array(values)
             if name in self._texts:  # as objects a long text takes memory once, not in every row
                 kind = object if self._type == "std_msgs/msg/String" else str
                 arrays[name] = np.array(list(self._texts[name]), dtype=kind)[arrays[name]]
@@ -314,8 +314,8 @@ class Series:
 
     def _read(self, row: Any) -> dict[str, Any]:
         """Return the values of a row by column (ValueError when they do not fit the columns)."""
-        found = {name: column.read(row) for name, column in self._columns.items()}
-        return found | self._read_joints(row) if self._type == JOINT_STATE else found
+        values = {name: column.read(row) for name, column in self._columns.items()}
+        return values | self._read_joints(row) if self._type == JOINT_STATE else values
 
     def _read_joints(self, message: Any) -> dict[str, Any]:
         """Return the joints of a message, and their quantities from the arrays with a number for each joint.

@@ -100,8 +100,8 @@ class BagStream:
         self._files, self._flaws = contents.files, contents.flaws
         self.topics = self._merged_topics()
         filled = [file.information for file in self._files if file.information.messages]
-        self.start = min((one.first for one in filled), default=0)
-        self.end = max((one.last for one in filled), default=0)
+        self.start = min((information.first for information in filled), default=0)
+        self.end = max((information.last for information in filled), default=0)
         self.metadata = contents.custom
         if not filled and (flaws := self.flaws):
             raise BagError(f"{self.folder}: nothing in it can be read: {flaws[0]}")
@@ -115,8 +115,8 @@ class BagStream:
     @property
     def flaws(self) -> list[str]:
         """Sentences on the parts of the bag that are not read: damage, and the unreadable messages so far."""
-        found = [*self._flaws, *(flaw for file in self._files for flaw in file.flaws)]
-        return [one_line(flaw) for flaw in (*found, *self.unreadable.lines())]
+        flaws = [*self._flaws, *(flaw for file in self._files for flaw in file.flaws)]
+        return [one_line(flaw) for flaw in (*flaws, *self.unreadable.lines())]
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[Message]:
         """Yield topic, recorded stamp [ns] and bytes of each message of `topics`, None for all, in time order.
@@ -129,25 +129,25 @@ class BagStream:
             for file in self._files:
                 agreed = frozenset(topic.name for topic in file.topics  # of the same type in the file as in the bag
                                    if topic.name in chosen and topic.type_name == self.topics[topic.name].type_name)
-                found = file.messages(agreed)
-                yield from found if file.ordered else _in_time(found)
+                messages = file.messages(agreed)
+                yield from messages if file.ordered else _in_time(messages)
         except OSError as error:
             raise BagError(f"{self.folder}: cannot be read: {error.strerror or error}") from error
 
     def _merged_topics(self) -> dict[str, RecordedTopic]:
-        found: dict[str, RecordedTopic] = {}
+        merged: dict[str, RecordedTopic] = {}
         for file in self._files:
             for topic in file.topics:
-                before = found.get(topic.name)
+                earlier = merged.get(topic.name)
                 number = file.information.counts[topic.name]
-                if before is None:
-                    found[topic.name] = RecordedTopic(topic.type_name, number)
-                elif before.type_name == topic.type_name:
-                    found[topic.name] = replace(before, messages=before.messages + number)
+                if earlier is None:
+                    merged[topic.name] = RecordedTopic(topic.type_name, number)
+                elif earlier.type_name == topic.type_name:
+                    merged[topic.name] = replace(earlier, messages=earlier.messages + number)
                 else:
                     self._flaws.append(f"{file.information.name}: {number} messages on {topic.name} are not "
-                                       f"read: there it is {topic.type_name}, before it was {before.type_name}")
-        return found
+                                       f"read: there it is {topic.type_name}, before it was {earlier.type_name}")
+        return merged
 
 
 class BagContents:
@@ -191,11 +191,11 @@ class BagContents:
         names = self.information.get("relative_file_paths")
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             return paths
-        here = {path.name for path in paths}
+        present = {path.name for path in paths}
         flawed = {flaw.partition(": ")[0] for flaw in self.flaws}
         self.flaws += [f"{name}: {FILE_NAME} names this file, and it is not in the folder"
-                       for name in dict.fromkeys(names) if name not in here | flawed]
-        if here.isdisjoint(names):
+                       for name in dict.fromkeys(names) if name not in present | flawed]
+        if present.isdisjoint(names):
             return paths
         self.flaws += [f"{path.name}: {FILE_NAME} does not name this file; it is not read" for path in paths
                        if path.name not in names and path.stat().st_size]
@@ -234,22 +234,22 @@ def robot_topics(stream: BagStream) -> dict[str, str]:
     """
     try:
         recorded_names = json.loads(stream.metadata.get("topics", "{}"))
-        found = {name: str(recorded_names[name]) for name in _TYPES if name in recorded_names}
+        topics = {name: str(recorded_names[name]) for name in _TYPES if name in recorded_names}
     except (ValueError, TypeError, RecursionError) as error:
         raise BagError(f"{stream.folder}: its custom data `topics` cannot be read: {error}") from error
-    for name, topic in found.items():
+    for name, topic in topics.items():
         recorded = stream.topics.get(topic)
         if recorded and recorded.type_name != _TYPES[name]:
             raise BagError(f"{stream.folder}: {topic} is {recorded.type_name}, not the robot's {_TYPES[name]}")
-    if found:
-        return found
+    if topics:
+        return topics
     for topic, recorded in stream.topics.items():
         name = topic.rpartition("/")[2]
         if ROBOT_TOPICS.get(name) == recorded.type_name:
-            if name in found:
-                raise BagError(f"{stream.folder}: {name} is ambiguous: {found[name]} and {topic}")
-            found[name] = topic
-    return found
+            if name in topics:
+                raise BagError(f"{stream.folder}: {name} is ambiguous: {topics[name]} and {topic}")
+            topics[name] = topic
+    return topics
 
 
 def _in_time(messages: Iterator[Message]) -> Iterator[Message]:

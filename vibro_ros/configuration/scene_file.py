@@ -131,7 +131,7 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
         raise ValueError(f"{path}: {error}") from None
 
 
-FOLDERS = {"scene": ("scenes", ".yaml"), "script": ("controller", ".yaml"), "sweep": ("studies", ".yaml")}
+FOLDERS = {"scene": ("scenes", ".yaml"), "script": ("controller", ".yaml")}
 """Folder below `config_folder()` and file suffix of each kind of file."""
 
 
@@ -161,7 +161,7 @@ def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
 
 
 def config_folder() -> Path:
-    """Return the folder of the shipped configuration: scenes, scripts, sweeps and the robot's parameter file.
+    """Return the folder of the shipped configuration: scenes, scripts and the robot's parameter file.
 
     It is found in a source checkout, a pip installation and a colcon workspace. FileNotFoundError if the package was
     installed without its data.

@@ -107,22 +107,22 @@ def deserialised(data: bytes, type_name: str) -> Any:
         raise ValueError(f"{len(data)} bytes are no {type_name}") from error
 
 
-def first_difference(one: bytes, other: bytes, type_name: str) -> tuple[str, object, object] | None:
+def first_difference(first: bytes, second: bytes, type_name: str) -> tuple[str, object, object] | None:
     """Return the first field in which two serialised messages differ, and its two values; None when they are equal.
 
     Numbers are equal when all their bits are equal. Bytes that belong to no field are not compared. If one of the
     messages cannot be read, the field is "bytes" and the values are the lengths of both.
     """
-    if one == other:
+    if first == second:
         return None
     try:
-        read = deserialised(one, type_name)
-        if serialised(read, type_name) == other:  # only the padding differs, which some libraries do not set
+        read = deserialised(first, type_name)
+        if serialised(read, type_name) == second:  # only the padding differs, which some libraries do not set
             return None
-        fields = _leaves(read, deserialised(other, type_name), "")
-        return next((found for found in fields if _bits(found[1]) != _bits(found[2])), None)
+        fields = _leaves(read, deserialised(second, type_name), "")
+        return next((difference for difference in fields if _bits(difference[1]) != _bits(difference[2])), None)
     except ValueError:
-        return "bytes", len(one), len(other)
+        return "bytes", len(first), len(second)
 
 
 @cache
@@ -142,17 +142,17 @@ def _new_field(kind: Nodetype, what: Any) -> Any:
     return [_new_field(inner, of) for _ in range(length if kind is Nodetype.ARRAY else 0)]
 
 
-def _leaves(one: Any, other: Any, path: str) -> Iterator[tuple[str, object, object]]:
-    if hasattr(one, "__msgtype__"):
-        for name in (name for name in vars(one) if name != "__msgtype__"):
-            yield from _leaves(getattr(one, name), getattr(other, name), f"{path}.{name}" if path else name)
-    elif isinstance(one, (list, np.ndarray)):
-        if len(one) != len(other):
-            yield f"length of {path}", len(one), len(other)
-        for i, (left, right) in enumerate(zip(one, other, strict=False)):
+def _leaves(first: Any, second: Any, path: str) -> Iterator[tuple[str, object, object]]:
+    if hasattr(first, "__msgtype__"):
+        for name in (name for name in vars(first) if name != "__msgtype__"):
+            yield from _leaves(getattr(first, name), getattr(second, name), f"{path}.{name}" if path else name)
+    elif isinstance(first, (list, np.ndarray)):
+        if len(first) != len(second):
+            yield f"length of {path}", len(first), len(second)
+        for i, (left, right) in enumerate(zip(first, second, strict=False)):
             yield from _leaves(left, right, f"{path}[{i}]")
     else:
-        yield path, *(value.item() if isinstance(value, np.generic) else value for value in (one, other))
+        yield path, *(value.item() if isinstance(value, np.generic) else value for value in (first, second))
 
 
 def _bits(value: object) -> object:

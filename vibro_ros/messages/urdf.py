@@ -119,15 +119,15 @@ def robot_joints(scene: Scene) -> tuple[Joint, ...]:
     from vibro_ros.solver.readout import rod_angle  # compiled code, which readers of bags do not need
 
     hub = hub_height(scene)
-    found = [Joint(BODY, BASE, FIXED)]
-    found += [Joint(f"{side}_guide", BASE, FIXED, hub, scene.guide_angle(side)) for side in scene.guides]
-    found.append(Joint(CRANK, BASE, CONTINUOUS, hub))
-    found += [Joint(f"{side}_rod", CRANK, FLOATING, scene["crank.radius"], rod_angle(*rod, 0.0))
+    joints = [Joint(BODY, BASE, FIXED)]
+    joints += [Joint(f"{side}_guide", BASE, FIXED, hub, scene.guide_angle(side)) for side in scene.guides]
+    joints.append(Joint(CRANK, BASE, CONTINUOUS, hub))
+    joints += [Joint(f"{side}_rod", CRANK, FLOATING, scene["crank.radius"], rod_angle(*rod, 0.0))
               for side, rod in zip(scene.guides, rods(scene), strict=True)]
-    found += [Joint(f"{side}_mass", f"{side}_guide", PRISMATIC) for side in scene.guides]
-    found += [Joint(f"{side}_plate", f"{side}_guide", PRISMATIC) for side in scene.plates]
-    found += [Joint(IMU, BODY, FIXED, SLED[2])] if scene["sensors.imu.rate"] else []
-    return tuple(found)
+    joints += [Joint(f"{side}_mass", f"{side}_guide", PRISMATIC) for side in scene.guides]
+    joints += [Joint(f"{side}_plate", f"{side}_guide", PRISMATIC) for side in scene.plates]
+    joints += [Joint(IMU, BODY, FIXED, SLED[2])] if scene["sensors.imu.rate"] else []
+    return tuple(joints)
 
 
 def rods(scene: Scene) -> list[tuple[float, float, float]]:

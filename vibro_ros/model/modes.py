@@ -78,7 +78,7 @@ class Mode:
         """State of the body on the ground (`ground.GROUND_STATES`)."""
         return self.states[-1]
 
-    @property
+    @functools.cached_property
     def motor(self) -> tuple[str, str]:
         """States of a dc motor's bearing and of its current loop; "" for an absent one."""
         bearing = next((state for state in self.states if state in BEARING), "")
@@ -155,9 +155,7 @@ class ModeBuilder:
 
     def by_motor_state(self, form: Callable[[str, str], Form]) -> ModeForms:
         """Return `form(bearing, current loop)` in every mode, by the states of both; "" for an absent one."""
-        states = [mode.motor for mode in self.modes]
-        made = {state: form(*state) for state in dict.fromkeys(states)}
-        return np.array([made[state] for state in states])
+        return np.array([form(*states) for states in self.mode_set.motors])[self.mode_set.motor]
 
     @cached
     def body_acceleration(self) -> tuple[ModeForms, ModeForms]:
@@ -323,6 +321,9 @@ class ModeSet:
         # state of the ground in each mode, as an index in the ground's states
         self.ground = np.array([states[-1].index(mode.ground) for mode in self.modes])
         self.airborne = np.array([mode.ground == "airborne" for mode in self.modes])
+        # different states of a dc motor's bearing and current loop, and the index of those of each mode
+        self.motors = tuple(dict.fromkeys(mode.motor for mode in self.modes))
+        self.motor = np.array([self.motors.index(mode.motor) for mode in self.modes])
         # 1 in the modes in which the inclined mass presses on its compliant plate, else 0
         self.inclined_closed = np.array([int("inclined" in mode.closed) for mode in self.modes])
         # For each set of masses that move together in some modes, as indices of arrays by mode and guide: the rows of
@@ -342,6 +343,7 @@ class ModeSet:
         numbers = {context: k for k, context in enumerate(self.distinct_contexts)}
         self._context_numbers = [[numbers[context] for context in contexts] for contexts in self.contexts]
         self._target_modes: dict[tuple, np.ndarray] = {}
+        self._padded: dict[tuple[int, ...], np.ndarray] = {}
         # kinds of events, by mode before and mode after
         self.event_kind = np.full((len(self.modes), len(self.modes)), NOTHING)
         for old_mode, new_mode in itertools.permutations(range(len(self.modes)), 2):
@@ -360,14 +362,17 @@ class ModeSet:
         """Number of the mode with these states."""
         return self._number_by_states[states]
 
-    def padded(self, counts: list[int]) -> np.ndarray:
+    def padded(self, counts: tuple[int, ...]) -> np.ndarray:
         """Return the numbers of each mode's guards, shape (modes, most guards of a mode), if the guards are numbered
-        context by context in the order of `distinct_contexts`, of which each has so many; padded with their sum."""
-        firsts = [0, *itertools.accumulate(counts)]
-        of_mode = [[k for number in numbers for k in range(firsts[number], firsts[number + 1])]
-                   for numbers in self._context_numbers]
-        most = max(1, max(map(len, of_mode)))
-        return np.array([guards + [firsts[-1]] * (most - len(guards)) for guards in of_mode])
+        context by context in the order of `distinct_contexts`, of which each has so many; padded with their sum. Read
+        only."""
+        if counts not in self._padded:
+            firsts = [0, *itertools.accumulate(counts)]
+            of_mode = [[k for number in numbers for k in range(firsts[number], firsts[number + 1])]
+                       for numbers in self._context_numbers]
+            most = max(1, max(map(len, of_mode)))
+            self._padded[counts] = np.array([guards + [firsts[-1]] * (most - len(guards)) for guards in of_mode])
+        return self._padded[counts]
 
     def target_modes(self, effect: int, target: Target) -> np.ndarray:
         """Number of the mode to which a target of an effect leads from every mode, shape (modes,); `NOTHING` from a

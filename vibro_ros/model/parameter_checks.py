@@ -24,15 +24,28 @@ LEAST_MOTOR_INERTIA = 1e-9
 #: 0.04 rad wide.
 _ANGLES, _BETWEEN_ANGLES = 4096, 1e-3
 
+#: Parameters for which a sensor's preset may give the number.
+_OF_PRESET = [name for name, parameter in BY_NAME.items()
+              if name.startswith("sensors.") and parameter.default == AS_PRESET]
+
 #: Fraction of a mass's inertia that a yielding body must leave to the mass, so that ten digits survive rounding.
 LEAST_INERTIA = 1e-6
 
 
-def check_together(values: ParameterValues) -> None:
-    """Refuse values that contradict each other or that no method can simulate (ValueError)."""
-    for check in (_check_mechanism, _check_motor, _check_friction, _check_blows, _check_rates, _check_reaction,
-                  _check_misprint, _check_solver, _check_sensors):
+def check_machine(values: ParameterValues) -> None:
+    """Refuse a machine whose values contradict each other or that no method can simulate (ValueError)."""
+    for check in (_check_mechanism, _check_dc_motor, _check_friction, _check_blows, _check_rates, _check_reaction,
+                  _check_misprint):
         check(values)
+
+
+def check_operation(values: ParameterValues) -> None:
+    """Refuse values of motor, solver and sensors that contradict each other or the machine (ValueError)."""
+    if values["effects.motor"] == "ramp" and values["motor.acceleration"] == 0.0:
+        raise ValueError("motor.acceleration: 0 rad/s² lets no ramp motor change its speed; give a number above 0, "
+                         "or choose ideal for effects.motor")
+    _check_solver(values)
+    _check_sensors(values)
 
 
 def _check_mechanism(values: ParameterValues) -> None:
@@ -51,11 +64,8 @@ def _check_mechanism(values: ParameterValues) -> None:
                              f"0, or a crank.{side}_rod of at least {LEAST_ROD * radius:g} m")
 
 
-def _check_motor(values: ParameterValues) -> None:
+def _check_dc_motor(values: ParameterValues) -> None:
     if not values.has_rotor:
-        if values["effects.motor"] == "ramp" and values["motor.acceleration"] == 0.0:
-            raise ValueError("motor.acceleration: 0 rad/s² lets no ramp motor change its speed; give a number above 0, "
-                             "or choose ideal for effects.motor")
         return
     friction, static, inertia = values["motor.friction"], values["motor.static_friction"], values.motor_inertia
     if static < friction:
@@ -96,13 +106,16 @@ def _check_friction(values: ParameterValues) -> None:
         raise ValueError(f"ground.friction_backward: {backward:g} makes a one-way wheel, which is sound only where N "
                          "is never 0, and elsewhere slides on its tyre; choose weight for effects.normal_force, or "
                          f"give at most {BY_NAME['ground.friction'].maximum:g}")
-    # The friction coefficient at which the inertia of slipping body and inclined mass is singular.
-    if not values["effects.reaction"] or values["effects.normal_force"] == "weight":
+    # The friction coefficient at which the inertia of slipping body and inclined mass is singular. It is above twice
+    # the body's mass over all others, whatever the directions in which these move.
+    largest = max(map(abs, values.slipping_frictions))
+    others = values.total_mass - values["mass.body"]
+    if (not values["effects.reaction"] or values["effects.normal_force"] == "weight"
+            or largest * others < (1.0 - _BETWEEN_ANGLES) * 2.0 * values["mass.body"]):
         return
     (along, across), _ = np.moveaxis(_shock_inertia(values, values.guides), 0, -1)
     with np.errstate(divide="ignore"):
         highest = float((along / abs(across)).min()) * (1.0 - _BETWEEN_ANGLES * values.crank_is_struck)
-    largest = max(map(abs, values.slipping_frictions))
     if values.has_dry_friction and largest >= highest:
         name = "ground.static_friction" if law == "stribeck" else (
             "ground.friction" if largest == kinetic else "ground.friction_backward")
@@ -156,7 +169,7 @@ def _check_rates(values: ParameterValues) -> None:
 
 def _check_reaction(values: ParameterValues) -> None:
     """Refuse a body that yields so much that the masses become too fast or lose digits of their inertia."""
-    if not (values["effects.reaction"] and values.guides):
+    if not (values["effects.reaction"] and values.guides) or _yields_little(values):
         return
     share, rate = least_inertia(values), fastest_rate(values)
     if share < LEAST_INERTIA:
@@ -207,9 +220,9 @@ def _check_solver(values: ParameterValues) -> None:
 
 
 def _check_sensors(values: ParameterValues) -> None:
-    for name, value in values.parameters.items():
-        if name.startswith("sensors.") and BY_NAME[name].default == AS_PRESET and AS_PRESET < value < 0.0:
-            raise ValueError(f"{name}: {value:g} is below 0; give at least 0, or {AS_PRESET:g} for the preset's")
+    for name in _OF_PRESET:
+        if AS_PRESET < values[name] < 0.0:
+            raise ValueError(f"{name}: {values[name]:g} is below 0; give at least 0, or {AS_PRESET:g} for the preset's")
     for name in ("sensors.seed", "sensors.encoder.ticks"):
         if not values[name].is_integer():
             raise ValueError(f"{name}: {values[name]!r} is no whole number; give one")
@@ -268,6 +281,23 @@ def fastest_rate(values: ParameterValues) -> float:
     except np.linalg.LinAlgError:
         return np.inf
     return float(fastest_rates(rows[..., :n], rows[..., n:]).max(initial=0.0))
+
+
+def _yields_little(values: ParameterValues) -> bool:
+    """Return whether simple bounds show that the body leaves the masses enough inertia, and that they are slow enough.
+
+    A mass on a resting body has I = m; the body subtracts products of m / M and of directions, which are at most 1 long
+    (`_inertias`). With |I^-1| <= 1 / (share m), no eigenvalue exceeds |C| / (share m) + sqrt(|K| / (share m)).
+    """
+    masses = [values[f"mass.{side}"] for side in values.guides]
+    slipping = max(map(abs, values.slipping_frictions)) if values.has_dry_friction else 0.0
+    share = 1.0 - len(masses) * (1.0 + slipping) * max(masses) / values.total_mass
+    if share < 0.1:
+        return False
+    stiffness, damping = (max((values[f"{side}.spring.{part}"] + values[f"{side}.plate.{part}"]) / mass
+                              for side, mass in zip(values.guides, masses, strict=True))
+                          for part in ("stiffness", "damping"))
+    return damping / share + math.sqrt(stiffness / share) < FASTEST_RATE
 
 
 def least_inertia(values: ParameterValues) -> float:

@@ -9,19 +9,19 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar
 
-from vibro_ros.model.parameter_checks import check_together
+from vibro_ros.model.parameter_checks import check_machine, check_operation
 from vibro_ros.model.parameter_values import ParameterValues
-from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS, Parameter, Value, checked_parameters, quoted
+from vibro_ros.model.parameters import BY_NAME, Parameter, Value, checked_parameters, quoted
 
 # Parameters that decide how a robot is started, driven and solved. They enter no equation, so that a sweep over them
 # compiles the equations only once.
 _OPERATION = frozenset({
-    *(parameter.name for parameter in SCENE_PARAMETERS if parameter.name.startswith(("start.", "sensors."))),
+    *(name for name in BY_NAME if name.startswith(("start.", "sensors."))),
     "effects.motor", "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant",
     "motor.voltage", "motor.continuous_current", "body.inertia", "body.wheelbase", "body.crank_offset", "upper.gap",
     "inclined.gap", "gap_actuator.speed", "solver.method", "solver.step", "solver.tolerance"})
 
-_DEFAULTS = {parameter.name: parameter.default for parameter in SCENE_PARAMETERS}
+_DEFAULTS = {name: parameter.default for name, parameter in BY_NAME.items()}
 
 PREFIX = "start."
 """Prefix of the parameters of a given start; a field of `Samples` follows it."""
@@ -62,9 +62,14 @@ class Scene(ParameterValues):
     """Return states, forcing, equations, modes, guards and events in the paper's symbols with values."""
 
     def __post_init__(self) -> None:
-        complete = _DEFAULTS | checked_parameters(self.parameters, SCENE_PARAMETERS)
+        complete = _DEFAULTS | checked_parameters(self.parameters, BY_NAME.values())
         object.__setattr__(self, "parameters", MappingProxyType(complete))
-        check_together(self)
+        self._check_together()
+
+    def _check_together(self) -> None:
+        """Refuse checked values that contradict each other."""
+        _check_machine_once(self.machine)
+        check_operation(self)
         self.checked_motor_speed(self["motor.speed"])
         if self.motor_command == "motor_voltage":
             self.checked_motor_voltage(self["motor.voltage"])
@@ -96,7 +101,12 @@ class Scene(ParameterValues):
         Traceback (most recent call last):
         ValueError: guide.angle: 4 is out of range; give a number from 0 to 3.14159 rad
         """
-        return Scene(self.name, {**self.parameters, **changes}) if changes else self
+        if not changes:
+            return self
+        changed = checked_parameters(changes, BY_NAME.values())
+        scene = _unchecked(self.name, {**self.parameters, **changed})
+        scene._check_together()
+        return scene
 
     def checked_motor_speed(self, value: object) -> float:
         """Return `value` as a motor speed [rad/s]; raise ValueError if the motor cannot reach it."""
@@ -138,14 +148,18 @@ class Scene(ParameterValues):
         except ValueError as error:
             raise ValueError(f"{error} (the limit is the rod's length)") from None
 
-    @property
+    @functools.cached_property
     def machine(self) -> "Scene":
         """The part of this scene that the equations depend on: no name, and no parameters of `_OPERATION`.
 
-        Code that compiles equations and reads one of these parameters gets a KeyError.
+        Code that checks or compiles equations and reads one of these parameters gets a KeyError.
         """
         return _unchecked("", {name: value for name, value in self.parameters.items()
                                if name not in _OPERATION or (name == "effects.motor" and value == "dc")})
+
+
+#: Refuses a machine (ValueError); one that was accepted is not checked again.
+_check_machine_once = functools.lru_cache(maxsize=64)(check_machine)
 
 
 def check_scene(scene: object) -> None:

@@ -39,6 +39,7 @@ from vibro_ros.solver.system import (
     Shock,
     System,
 )
+from vibro_ros.solver.vector import LENGTH
 
 
 @dataclass(frozen=True)
@@ -49,16 +50,23 @@ class Model:
     sliders: tuple[Slider, ...]  # signals: sliders of the masses, and both directions of a crank pin with mass
     modes: tuple[Mode, ...]  # by their numbers in the system
     system: System  # tables of the event loop
-    # forms of the outputs, and of the forces that move the masses of `Forms.linkage`; and the channels that these forms
-    # read (`solver.system.terms`); shape (modes, len(OUTPUTS) + linkage, channels)
+    # forms of the outputs, and of the forces that move the masses of `Forms.linkage`, shape (modes, len(OUTPUTS) +
+    # linkage, channels)
     output: np.ndarray
-    output_terms: np.ndarray
     initial_mode: int  # number of the mode in which a run starts
 
     @functools.cached_property
     def laid(self) -> Laid:
         """The tables in the form that the event loop's kernels take."""
         return Laid(self.system)
+
+    @functools.cached_property
+    def output_by_channel(self) -> np.ndarray:
+        """The forms `output`, each channel's coefficients as a vector; shape (modes, channels, LENGTH)."""
+        modes, forms, channels = self.output.shape
+        by_channel = np.zeros((modes, channels, LENGTH))
+        by_channel[:, :, :forms] = self.output.transpose(0, 2, 1)
+        return by_channel
 
 
 def compile_scene(scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tuple[float, float] = NO_EDGES) -> Model:
@@ -110,8 +118,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         rotor=rotor,
         shock=shock,
     )
-    output = builder.outputs()
-    return Model(forms, tuple(sliders), builder.modes, system, output, terms(output), builder.initial_mode)
+    return Model(forms, tuple(sliders), builder.modes, system, builder.outputs(), builder.initial_mode)
 
 
 def _rotor(builder: ModeBuilder, scene: Scene) -> Rotor:
@@ -210,7 +217,7 @@ def _guard_table(builder: ModeBuilder) -> tuple[GuardTable, Shock]:
                 jump[k, c] = matrices.number(matrix_of[id(target)])
             if target.shock:
                 shock[k, c], _ = shocks.setdefault(id(target.shock), (len(shocks), target.shock))
-    at = mode_set.padded([len(of_one) for of_one in of_context])
+    at = mode_set.padded(tuple(map(len, of_context)))
     of_body = [channel(i) for channel in (channels.position, channels.velocity)
                for i in range(channels.dynamic, channels.coordinates)]
     form = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)

@@ -53,6 +53,8 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     if (method := facts.scene["solver.method"]) != "exact":
         raise BagError(f"the accounts need solver.method exact; the run was recorded with {method}")
     times = bag["odom"]["time"]
+    if not len(times):
+        raise BagError("no odometry is recorded")
     first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
     if first is None or last is None:
         raise BagError("the stamps of its odometry are not those of the robot's samples")

@@ -15,7 +15,7 @@ from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.actuators import Actuators
 from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, Disturbances
 from vibro_ros.simulation.given_state import book_given_state, carried_over, checked_state, place, started
-from vibro_ros.simulation.readout import EventLog, Readout, cut_to_laws, energy_accounts
+from vibro_ros.simulation.readout import AT_ONCE, EventLog, Readout, cut_to_laws, energy_accounts
 from vibro_ros.simulation.samples import FIELDS, Trace
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.events import EVENT_COLUMNS
@@ -84,7 +84,7 @@ class Motion:
         self._compiled = self.disturbances.equations(scene)
         self.model: Model = compile_scene(*self._compiled)
         self.stepper = new_stepper(scene, self.model)
-        self._readout = Readout(self.model)
+        self._readout, self._part = Readout(self.model), _FIRST_PART
         self._instant, self._trace = np.empty(1), self.new_trace(1)
         self._sampled = False  # whether both are of `time`, with no command since
         self._values: np.ndarray | None = None  # the values read from the trace
@@ -262,26 +262,21 @@ class Motion:
     def sampled(self, times: np.ndarray, filtered: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there; fill in the filtered
         acceleration [m/s²], if its array is given, shape (times, 2)."""
-        parts = []
-        while True:
-            wanted = int(np.searchsorted(times, self.disturbances.next_end))  # a sample at an end is taken after it
-            trace = self.new_trace(wanted)
-            if filtered is None:
-                taken = self.advance(times[:wanted], trace)
-            else:
-                taken = self._advance_filtered(times[:wanted], trace, filtered)
-                filtered = filtered[taken:]
-            parts.append(self.quantities(times[:taken], trace.part(0, taken)))
-            if taken == len(times):
-                break
-            if taken < wanted:
+        quantities, done = {name: np.empty(len(times)) for name in FIELDS}, 0
+        while done < len(times):
+            before_end = int(np.searchsorted(times, self.disturbances.next_end))  # a sample at an end is taken after it
+            wanted = times[done:min(before_end, done + AT_ONCE)]
+            trace = self.new_trace(len(wanted))
+            taken = (self.advance(wanted, trace) if filtered is None
+                     else self._advance_filtered(wanted, trace, filtered[done:]))
+            for name, values in self.quantities(wanted[:taken], trace.part(0, taken)).items():
+                quantities[name][done:done + taken] = values
+            done += taken
+            if taken < len(wanted):
                 self._cross_edge()
-            else:
+            elif before_end <= done < len(times):
                 self.end_disturbances()
-            times = times[taken:]
-        if len(parts) == 1:
-            return parts[0]
-        return {name: np.concatenate([part[name] for part in parts]) for name in FIELDS}
+        return quantities
 
     def advance_to(self, time: float) -> None:
         """Advance to `time` [s], and keep the sample there for `now`."""
@@ -333,9 +328,9 @@ class Motion:
         A long advance is made in parts of some milliseconds of computation, between which Python handles Ctrl-C. The
         ends of the parts depend on the computer; the motion does not.
         """
-        done, part = 0, _FIRST_PART
+        done = 0
         while done < len(times):
-            until = self.time + max(part, 4.0 * math.ulp(self.time))
+            until = self.time + max(self._part, 4.0 * math.ulp(self.time))
             if times[-1] <= until:
                 return done + self.advance_at_once(times[done:], trace.part(done, len(times)))
             upto, began = int(np.searchsorted(times, until, side="right")), wall_clock.perf_counter()
@@ -346,13 +341,13 @@ class Motion:
                 reached = done == upto
             if not reached:
                 return done
-            part *= _PART / max(wall_clock.perf_counter() - began, _PART / _GROWTH)
+            self._part *= _PART / max(wall_clock.perf_counter() - began, _PART / _GROWTH)
         return done
 
     def advance_at_once(self, times: np.ndarray, trace: Trace) -> int:
         """Advance as `advance` does, but in one part, during which Python handles no signal."""
         self._sampled, self._values = False, None
-        end, status, sampled, before = float(times[-1]), event_loop.EVENTS_FULL, 0, self.time
+        end, status, sampled, previous_start = float(times[-1]), event_loop.EVENTS_FULL, 0, self.time
         while status == event_loop.EVENTS_FULL:
             status, taken, count = self.stepper.advance(self.state, times, self.point, *trace, self._new_events)
             sampled += taken
@@ -360,9 +355,9 @@ class Motion:
                 self.events.add(self._new_events[:count])
             if status == event_loop.EVENTS_FULL:
                 times, trace = times[taken:], trace.part(taken, len(times))
-                if (began := self._mode_began()) - before < _PROGRESS:
+                if (began := self._mode_began()) - previous_start < _PROGRESS:
                     status = event_loop.STUCK
-                before = began
+                previous_start = began
         if status == event_loop.SYSTEM_ENDS:
             return sampled
         if status != event_loop.REACHED:

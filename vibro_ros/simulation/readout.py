@@ -16,10 +16,14 @@ from vibro_ros.solver.events import MONITOR_KIND, PHASE_KIND, RAMP_KIND
 from vibro_ros.solver.layout import Laid
 from vibro_ros.solver.readout import SPECIAL, STANDING, read_samples
 from vibro_ros.solver.state import State
+from vibro_ros.solver.vector import LENGTH
 
 _LINEAR, _SPECIAL = (np.array([FIELDS.index(name) for name in names]) for names in (OUTPUTS, SPECIAL))
 _NO_EVENTS = np.empty(0, dtype=EVENT_DTYPE)
-_AT_ONCE = 4096  # instants; their values are small enough for the processor's cache
+#: Instants whose channels and fields are in memory at a time: 125 kB of fields. For larger arrays the operating system
+#: provides new pages in every run, in a tenth of the run's time. No power of two, because then all fields of an instant
+#: would compete for the same place in the processor's cache.
+AT_ONCE = 600
 # Height [m] that rounding may give to a body that stands on the ground.
 _STANDING_HEIGHT = 1e-15
 
@@ -32,7 +36,7 @@ class Readout:
         forms = model.forms
         self._drives = np.array([(FIELDS.index(f"{side}_drive_force"), forms.channels.signal_rate(k))
                                  for k, side in enumerate(forms.guides)], dtype=np.int64).reshape(-1, 2)
-        self._values = np.empty((len(FIELDS), 1))
+        self._values, self._form_values = np.empty((len(FIELDS), 1)), np.empty(LENGTH)
         # Rows of the outputs that are forces on masses of the linkage, with the channel of its speed, and its signal.
         self._linkage = np.array([(len(OUTPUTS) + k, forms.channels.signal_rate(part.signal), part.signal)
                                   for k, part in enumerate(forms.linkage)], dtype=np.int64).reshape(-1, 3)
@@ -48,21 +52,15 @@ class Readout:
         return self._values[:, 0]
 
     def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
-        """Return the fields of `Samples` at instants [s], as separate arrays, so that each can be kept by itself."""
-        quantities = {name: np.empty(len(times)) for name in FIELDS}
-        for first in range(0, len(times), _AT_ONCE):
-            part = slice(first, min(first + _AT_ONCE, len(times)))
-            sampled, values = trace.part(part.start, part.stop), np.empty((len(FIELDS), part.stop - first))
-            slopes = self._slopes_where_standing(sampled.phases)
-            read_samples(*self._arguments(times[part], sampled, slopes, values))
-            for name, row in zip(FIELDS, values, strict=True):
-                quantities[name][part] = row
-        return quantities
+        """Return the fields of `Samples` at instants [s]."""
+        values = np.empty((len(FIELDS), len(times)))
+        read_samples(*self._arguments(times, trace, self._slopes_where_standing(trace.phases), values))
+        return dict(zip(FIELDS, values, strict=True))
 
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
         model = self._model
-        return (_LINEAR, _SPECIAL, model.output, model.output_terms, model.forms.pressed_only, self._drives,
-                self._linkage, slopes, times, *trace, values)
+        return (_LINEAR, _SPECIAL, model.output_by_channel, model.forms.pressed_only, self._drives, self._linkage,
+                slopes, times, *trace, self._form_values, values)
 
     def _slopes_where_standing(self, phases: np.ndarray) -> np.ndarray:
         """ds/dtheta [m/rad] of each signal where the crank stands, elsewhere 0; shape (signals, n)."""

@@ -16,7 +16,7 @@ A method of fixed step:
    same bits. A scheme with a memory of earlier steps resets the memory in `fixed_step.begin`.
 5. `SCHEMES` gives the scheme its name, and the choices of `solver.method` in `model/parameters.py` the same name.
 6. For the accuracy study: a ladder of steps in `DEVICE` (`accuracy/programs.py`), and a colour in `_STYLES`
-   (`accuracy/chart.py`).
+   (`accuracy/report.py`).
 7. Tests: order of convergence, cut time, checkpoints and every effect in `test_fixed_steps.py`, published forces in
    `test_published_forces.py`. Documents: the table of docs/solver.md, and `make documents`.
 

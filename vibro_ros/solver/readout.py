@@ -8,7 +8,8 @@ drive force times ds/dtheta.
 import math
 
 from vibro_ros.solver.elementary import atan, cos, sin
-from vibro_ros.solver.typed import Indices, Indices2, Indices3, Row, Rows, Rows3, entry, part
+from vibro_ros.solver.typed import Indices, Indices2, Row, Rows, Rows3, entry
+from vibro_ros.solver.vector import repeated, store, vector
 
 _TURN = 2.0 * math.pi
 # A smaller value, of a motion that has died away, is reported as zero: below 2e-308 doubles lose their digits.
@@ -23,20 +24,10 @@ SPECIAL = ("time", "crank_angle", "motor_speed", "motor_power", "motor_torque", 
 _TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL, _VOLTAGE, _CURRENT, _ELECTRICAL = range(len(SPECIAL))
 
 
-@part
-def _form_at(form: Row, terms: Indices, point: Row) -> float:
-    total = 0.0
-    for channel in terms:
-        if channel < 0:
-            break
-        total += form[channel] * point[channel]
-    return total
-
-
 @entry
-def read_samples(linear: Indices, special: Indices, forms: Rows3, terms: Indices3, pressed_only: bool, drives: Indices2,
+def read_samples(linear: Indices, special: Indices, forms: Rows3, pressed_only: bool, drives: Indices2,
                  linkage: Indices2, slopes: Rows, times: Row, points: Rows, modes: Indices, phases: Rows,
-                 values: Rows) -> None:
+                 form_values: Row, values: Rows) -> None:
     """Compute the values of all fields of samples at sampled instants.
 
     Parameters
@@ -45,8 +36,9 @@ def read_samples(linear: Indices, special: Indices, forms: Rows3, terms: Indices
         The field of each of the leading `forms`.
     special : ndarray of int, shape (len(SPECIAL),)
         The fields that `SPECIAL` names.
-    forms, terms : ndarray, shape (m, outputs + linkage, channels)
-        Linear forms in each mode, and the channels that they read.
+    forms : ndarray, shape (m, channels, LENGTH)
+        Linear forms in each mode, outputs and then forces on the linkage, by channel: one vector has the coefficients
+        of all forms. So no branch depends on the channels that a form reads, which differ from mode to mode.
     pressed_only : bool
         Whether a negative normal force is reported as 0.
     drives : ndarray of int, shape (sliders, 2)
@@ -59,14 +51,20 @@ def read_samples(linear: Indices, special: Indices, forms: Rows3, terms: Indices
         Instants [s].
     points, modes, phases : ndarray, shapes (n, channels), (n,) and (n, 3)
         The samples, as `event_loop.advance` fills them in.
+    form_values : ndarray, shape (LENGTH,)
+        Overwritten.
     values : ndarray, shape (fields, n)
         Receives the values.
     """
     normal = special[_NORMAL]
     for k in range(len(times)):
         mode, speed, power, torque = modes[k], phases[k, 2], 0.0, 0.0
+        sums = repeated(0.0)
+        for channel in range(points.shape[1]):
+            sums = sums + points[k, channel] * vector(forms[mode, channel])
+        store(form_values, sums)
         for f in range(len(linear)):
-            value = _form_at(forms[mode, f], terms[mode, f], points[k])
+            value = form_values[f]
             values[linear[f], k] = value if abs(value) >= _LEAST_VALUE else 0.0
         if pressed_only and values[normal, k] < 0.0:
             values[normal, k] = 0.0
@@ -75,7 +73,7 @@ def read_samples(linear: Indices, special: Indices, forms: Rows3, terms: Indices
             power += force * points[k, drives[drive, 1]]
             torque += force * slopes[drive, k]
         for n in range(len(linkage)):
-            force = _form_at(forms[mode, linkage[n, 0]], terms[mode, linkage[n, 0]], points[k])
+            force = form_values[linkage[n, 0]]
             power += force * points[k, linkage[n, 1]]
             torque += force * slopes[linkage[n, 2], k]
         values[special[_TIME], k] = times[k]

@@ -1,6 +1,4 @@
-"""Axes and ranges from the command line and from a file: grids and samples are as requested, and nonsense is refused in
-a line.
-"""
+"""Axes, ranges and designs of a sweep: grids and samples are as requested, and nonsense is refused in a line."""
 
 import math
 
@@ -9,16 +7,14 @@ import pytest
 from scipy.stats import qmc
 
 import vibro_ros
-from vibro_lab.study.sweep import study_of
-from vibro_lab.study.sweep_design import SweepDesign
+from vibro_lab.study.sweep import main, study_of
+from vibro_lab.study.sweep_design import SweepDesign, design_of
 from vibro_lab.study.variation import (
     Axis,
     Range,
     at_the_edge,
     ends_at,
-    sampling,
     sampling_in_words,
-    varied,
     varied_in_words,
 )
 
@@ -29,23 +25,23 @@ def design(varied_ones, sampled=None, starts=2):
 
 
 def test_a_grid_has_both_ends_and_equal_steps_or_ratios():
-    name, axis = varied_in_words("guide.angle=0.7:1.5:5")
-    assert name == "guide.angle" and axis.values == pytest.approx([0.7, 0.9, 1.1, 1.3, 1.5])
+    axis = varied_in_words("guide.angle=0.7:1.5:5")
+    assert axis.name == "guide.angle" and axis.values == pytest.approx([0.7, 0.9, 1.1, 1.3, 1.5])
     assert (axis.values[0], axis.values[-1]) == (0.7, 1.5)
-    axis = varied_in_words("upper.plate.stiffness=1e5:1e8:4:log")[1]
+    axis = varied_in_words("upper.plate.stiffness=1e5:1e8:4:log")
     assert axis.values == pytest.approx([1e5, 1e6, 1e7, 1e8]) and axis.values[-1] == 1e8
 
 
 def test_lists_are_of_the_parameters_type():
-    assert varied_in_words("effects.reaction=true,false")[1].values == (True, False)
-    assert varied_in_words("effects.normal_force=printed,hop")[1].values == ("printed", "hop")
-    assert varied_in_words("mass.inclined=0.02,1")[1].values == (0.02, 1.0)
+    assert varied_in_words("effects.reaction=true,false").values == (True, False)
+    assert varied_in_words("effects.normal_force=printed,hop").values == ("printed", "hop")
+    assert varied_in_words("mass.inclined=0.02,1").values == (0.02, 1.0)
 
 
 def test_linked_parameters_have_one_value_on_a_grid_and_in_a_sample():
-    gaps, speed = (varied_in_words(text, linked=True)[1] for text in (
+    gaps, speed = (varied_in_words(text, linked=True) for text in (
         "upper.gap+inclined.gap=0,0.001", "mass.upper+mass.inclined=0.02:0.2"))
-    drawn = design([gaps, speed], sampling("sobol", 4, 0))
+    drawn = design([gaps, speed], sampling_in_words("sobol:4:0"))
     assert drawn.points == 8 and drawn.names == ("upper.gap", "inclined.gap", "mass.upper", "mass.inclined")
     for point in range(8):
         found = drawn.changes(point)
@@ -67,19 +63,19 @@ def test_parameters_that_cannot_be_linked_are_refused(text, words):
 @pytest.mark.parametrize("method", ["sobol", "latin_hypercube"])
 def test_samples_are_scipys_and_their_seed_counts(method):
     drawn = design([Range("guide.angle", 0.5, 1.5, False), Range("mass.inclined", 0.02, 0.2, True)],
-                   sampling(method, 16, 7))
+                   sampling_in_words(f"{method}:16:7"))
     found = np.array([list(drawn.changes(point).values()) for point in range(drawn.points)])
     sampler = {"sobol": qmc.Sobol, "latin_hypercube": qmc.LatinHypercube}[method](2, seed=np.random.default_rng(7))
     shares = sampler.random(16)
     assert found[:, 0] == pytest.approx(0.5 + shares[:, 0])
     assert np.log(found[:, 1] / 0.02) / math.log(10.0) == pytest.approx(shares[:, 1])
-    other = design(drawn.varied, sampling(method, 16, 8))
+    other = design(drawn.varied, sampling_in_words(f"{method}:16:8"))
     assert other.changes(0) != drawn.changes(0) and design(drawn.varied, drawn.sampling).changes(5) == drawn.changes(5)
 
 
 def test_points_are_every_combination_with_every_sample_and_rows_every_start():
     drawn = design([Axis("guide.angle", (0.5, 1.0)), Range("mass.inclined", 0.02, 0.2, False),
-                    Axis("effects.normal_force", ("printed", "hop"))], sampling("sobol", 4, 0), starts=3)
+                    Axis("effects.normal_force", ("printed", "hop"))], sampling_in_words("sobol:4:0"), starts=3)
     assert (drawn.points, drawn.rows) == (16, 48)
     changes = [drawn.changes(point) for point in range(16)]
     assert [list(one) for one in changes[:1]] == [["guide.angle", "mass.inclined", "effects.normal_force"]]
@@ -115,14 +111,6 @@ def test_an_extreme_at_an_end_of_a_scan_is_said():
     assert at_the_edge("the largest x", ends_at({**values, "guide.angle": [0.0, 0.5, 1.0, 2.0]}, 1)) == ""
 
 
-@pytest.mark.parametrize(("given", "words"), [
-    (3, "varies nothing"), ([], "0 values"), ({"from": 1.0}, "'to' is missing"), ({"form": 1.0}, "'form' is unknown"),
-    ({"from": 0.1, "to": 1.0, "scale": "cubic"}, "'cubic' is unknown"), ([[1.0]], "not a number")])
-def test_what_a_file_may_not_say_is_refused(given, words):
-    with pytest.raises(ValueError, match=words):
-        varied("guide.angle", given)
-
-
 @pytest.mark.parametrize(("text", "words"), [
     ("sobol", "METHOD:COUNT"), ("halton:8", "'halton' is unknown"), ("sobol:1000", "512 or 1024"),
     ("latin_hypercube:8:-1", "seed"), ("sobol:x", "count")])
@@ -133,10 +121,24 @@ def test_a_bad_sampling_is_refused(text, words):
 
 @pytest.mark.parametrize(("ones", "sampled", "starts", "words"), [
     ([Range("guide.angle", 0.1, 1.0, False)], None, 2, "needs --sample"),
-    ([Axis("guide.angle", (0.1,))], sampling("sobol", 8, 0), 2, "no range to sample"),
+    ([Axis("guide.angle", (0.1,))], sampling_in_words("sobol:8:0"), 2, "no range to sample"),
     ([Axis("upper.gap+inclined.gap", (0.0,)), Axis("upper.gap", (0.0,))], None, 2, "upper.gap: is varied twice"),
     ([Axis(name, tuple(np.linspace(0.01, 0.02, 1000).tolist())) for name in ("mass.upper", "mass.inclined")], None,
      101, "more than 100000000 runs")])
 def test_a_design_that_contradicts_itself_is_refused(ones, sampled, starts, words):
     with pytest.raises(ValueError, match=words):
         design(ones, sampled, starts)
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ("--set guide.angle", "NAME=VALUE"), ("--set guide.angle=1 --set guide.angle=2", "given twice"),
+    ("--vary guide.angle=1 --vary guide.angle=2", "varied twice"), ("--vary guide.angle=1 --starts -1", "--starts"),
+    ("--scene papper --vary guide.angle=1", "papper"),
+    ("--scene paper --set guide.angle=1 --vary guide.angle=1,2", "set and varied"),
+    ("--scene paper --set upper.gap=0 --vary upper.gap+inclined.gap=0,0.001", "upper.gap: is set and varied"),
+    ("--scene paper", "nothing varies"), ("--vary guide.angle=1", "motor.speed=100"),
+    ("--scene paper --vary guide.angle=1 --settling 0.5", "settling"),
+    ("--scene paper --vary guide.angle=1 --duration inf", "duration")])
+def test_a_slip_in_the_words_is_named(words, said):
+    with pytest.raises(ValueError, match=said):
+        design_of(main.parser().parse_args(words.split()))

@@ -19,7 +19,6 @@ from tools import documents, effects, parameter_table, topic_table
 from tools.generated_text import replaced
 from vibro_lab.executables import EXECUTABLES as OF_THE_LAB
 from vibro_lab.study.measures import MEASURES
-from vibro_lab.study.sweep_design import design_of, read_sweep
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.messages.frames import JOINTS
@@ -70,13 +69,11 @@ def test_python_runs_and_prints_what_is_shown(text, output, tmp_path, monkeypatc
 
 
 @blocks("yaml")
-def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
+def test_yaml_is_a_script_or_a_scene(text, output, tmp_path):
     file = tmp_path / "file.yaml"
     file.write_text(text)
     if "entries" in yaml.safe_load(text):
         assert read_script(file).duration > 0.0
-    elif "vary" in yaml.safe_load(text):
-        assert design_of(read_sweep(file), {"set": {}, "vary": {}}).points > 1
     elif "controller_manager" in yaml.safe_load(text):
         loaded = yaml.safe_load(text).values()
         joints = [joint for node in loaded for joint in node["ros__parameters"].get("joints", ())]

@@ -14,23 +14,14 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from vibro_lab.accuracy.chart import draw_scene
 from vibro_lab.accuracy.harness import EXPONENT, REFERENCE, Effort, Row, machine, row_writer
 from vibro_lab.accuracy.programs import DEVICE, Program, Setting, UnableError
-from vibro_lab.accuracy.report import (
-    advice,
-    digits_in_words,
-    finding,
-    how_measured,
-    reference_in_words,
-    section,
-    table,
-)
+from vibro_lab.accuracy.report import advice, draw_scene, finding, reference_in_words
 from vibro_lab.accuracy.scene_rows import AVERAGED, OWN_CHECK, lyapunov_time_in, rows_of_scene
 from vibro_lab.executables import EXECUTABLES
 from vibro_ros import Parser, SimulationError, exit_code, interrupted_code, load_scene, png, say, shipped
 
-TABLE, TEXT = "accuracy.csv", "accuracy.md"
+TABLE = "accuracy.csv"
 _LEAST_HORIZON = 1e-3  # s, one sample
 
 
@@ -55,25 +46,8 @@ def measure(scene_name: str, programs: Mapping[str, Program], effort: Effort, wr
 
 def findings(rows: Sequence[Row]) -> list[str]:
     """Return the findings from the rows of a scene, in sentences."""
-    return [*digits_in_words(rows), *(f"{asked[0].upper()}{asked[1:]}: {use}." for asked, use in advice(rows).items()),
+    return [*(f"{asked[0].upper()}{asked[1:]}: {use}." for asked, use in advice(rows).items()),
             *(finding(rows, method) for method in AVERAGED)]
-
-
-def write_report(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path, interrupted: bool) -> list[Path]:
-    """Write the report of the rows measured so far, by scene, and the diagrams; returns the files."""
-    pictures = draw(rows, effort, folder)
-    parts = ["# What accuracy costs"]
-    if interrupted:
-        parts += ["", "**Interrupted: only a part was measured.**"]
-    for name in pictures:
-        parts += ["", f"Findings in the scene `{name}`, in brackets costs:", "",
-                  *(f"- {text}" for text in findings(rows[name]))]
-    parts += ["", how_measured([row for measured in rows.values() for row in measured], effort)]
-    for name, picture in pictures.items():
-        parts += ["", section(rows[name], picture.name), "", table(rows[name])]
-    text = folder / TEXT
-    text.write_text("\n".join(parts) + "\n", encoding="utf-8")
-    return [text, *pictures.values()]
 
 
 def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dict[str, Path]:
@@ -120,7 +94,7 @@ def _measure(options: argparse.Namespace) -> int:
 
 
 def _run(scenes: Sequence[str], programs: Mapping[str, Program], effort: Effort, folder: Path) -> int:
-    code, interrupted = 0, False
+    code = 0
     rows: dict[str, list[Row]] = {}
     with row_writer(folder / TABLE) as write:
         try:
@@ -136,9 +110,9 @@ def _run(scenes: Sequence[str], programs: Mapping[str, Program], effort: Effort,
                     say("accuracy", f"{scene}: exact cannot simulate it: {error}")
                     code = 1
         except KeyboardInterrupt:
-            code, interrupted = interrupted_code(), True
+            code = interrupted_code()
             say("accuracy", "interrupted; what was measured is kept")
-    print("\n".join(map(str, (folder / TABLE, *write_report(rows, effort, folder, interrupted)))))
+    print("\n".join(map(str, (folder / TABLE, *draw(rows, effort, folder).values()))))
     return code
 
 
@@ -159,7 +133,7 @@ def _parser() -> Parser:
     default = Effort()
     parser = Parser(
         prog="accuracy",
-        description=f"{EXECUTABLES['accuracy'].does} The table is Markdown and CSV. Ctrl-C keeps what is done.",
+        description=f"{EXECUTABLES['accuracy'].does} Rows are CSV. Ctrl-C keeps what is done.",
         epilog="Exit code 0: all measured; 1: a scene cannot be simulated; 2: bad input, or nowhere to write; 129, "
         "130, 143: interrupted by SIGHUP, SIGINT, SIGTERM, what was measured is written.")
     which = parser.add_mutually_exclusive_group(required=True)

@@ -1,36 +1,21 @@
-"""Words and tables made of rows: which program meets a requirement, at what cost, and what mean speeds are.
+"""Words and diagrams made of rows: which program meets a requirement, at what cost, and what mean speeds are.
 
-Costs are in seconds of wall time for each simulated second, without set-up, in every text, table and diagram.
+Costs are in seconds of wall time for each simulated second, without set-up, in every text and diagram.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
-from vibro_lab.accuracy.harness import (
-    AVERAGE,
-    LEAST_TIME,
-    OK,
-    RATE,
-    REFERENCE,
-    REQUIRED,
-    TRAJECTORY,
-    Effort,
-    Row,
-)
+from vibro_lab.accuracy.harness import AVERAGE, OK, REFERENCE, REQUIRED, TRAJECTORY, Row
 from vibro_lab.accuracy.scene_rows import LONG, SHORT, lyapunov_time_in
-from vibro_lab.orbits.starts import RUNNING_SPEED, SETTLING
-from vibro_lab.study.page import markdown_table
+from vibro_lab.orbits.starts import SETTLING
+from vibro_lab.study import figures
 
-COST = "cost [s/s]"  # heading of the unit of all costs
 WITHIN = 0.05  # largest relative error of a mean speed that counts as right
-BELOW = "below the reference's"
-_HEADING = ("program", "setting", COST, "set-up [s]", "body", "height", "masses", "contacts", "mean speed", "")
-# Limits of a fit: errors are small beside the robot's motion; and above rounding, this multiple of the reference's own.
-_LARGEST_FITTED, _ABOVE_REFERENCE = 1e-2, 10.0
 
 
 class Requirement(NamedTuple):
@@ -167,38 +152,6 @@ def goes_wrong_way(row: Row, exact: Row) -> bool:
     return row.low * row.high > 0.0 and exact.low * exact.high > 0.0 and row.mean * exact.mean < 0.0
 
 
-def speeds_table(rows: Sequence[Row]) -> str:
-    """Return the table of mean speeds by method and step in Markdown; bold within 5 %, marked if of the wrong sign."""
-    measured: dict[tuple[str, float], list[Row]] = {}
-    for row in rows:
-        if row.compared == AVERAGE and row.program != "exact":
-            measured.setdefault((row.program, row.value), []).append(row)
-    exact, steps = averages_of(rows, "exact"), sorted({value for _, value in measured}, reverse=True)
-    if not exact or not steps:
-        return "No mean speeds were measured."
-    whole = markdown_table(("mean speed, mm/s", *(f"{step:.0e} s" for step in steps)), [
-        (method, *("; ".join(_cell(row, exact[0]) for row in measured.get((method, step), [])) for step in steps))
-        for method in dict.fromkeys(method for method, _ in measured)])
-    starts = sum(row.repeats for row in exact)
-    return "\n".join([whole, "", f"By `exact`, {starts} drawn starts of {exact[0].horizon:g} s after {SETTLING:g} s: "
-                      f"{speeds_by_exact(rows)}. In brackets: nine of ten starts lie from the first to the second. "
-                      f"Bold: within {WITHIN:.0%}; (!): the wrong way."])
-
-
-def _cell(row: Row, exact: Row) -> str:
-    if not math.isfinite(row.mean):
-        return "diverges"
-    text = f"{1e3 * row.mean:+.1f} ({1e3 * row.low:.1f} to {1e3 * row.high:.1f})"
-    if abs(row.mean - exact.mean) <= WITHIN * abs(exact.mean):
-        return f"**{text}**"
-    return text + " (!)" * goes_wrong_way(row, exact)
-
-
-def reference_of(rows: Sequence[Row]) -> Row:
-    """Return the row with the uncertainty of the reference within the diagram's horizon."""
-    return next(row for row in rows if row.compared == REFERENCE)
-
-
 def reference_in_words(row: Row) -> str:
     """Return a sentence on the reference and its uncertainty."""
     if math.isnan(row.body_error):
@@ -209,67 +162,81 @@ def reference_in_words(row: Row) -> str:
             "reference's uncertainty.")
 
 
-def digit_factor(ladder: Sequence[tuple[float, float]]) -> float:
-    """Factor by which one more digit multiplies the cost: a fit of log cost over log error to pairs of error and cost.
-
-    NaN for one setting, or settings that gain less than half a digit from the first to the last.
-    """
-    logs = np.log10(np.array([(error, cost) for error, cost in ladder if error > 0.0 and cost > 0.0]).reshape(-1, 2))
-    if len(logs) < 2 or logs[0, 0] - logs[-1, 0] < 0.5:
-        return math.nan
-    return float(10.0 ** -np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
-
-
-def digits_in_words(rows: Sequence[Row]) -> list[str]:
-    """Return a sentence for each program with settings on the cost of one more digit of every position in a scene."""
-    floor = _ABOVE_REFERENCE * np.nan_to_num(reference_of(rows).position_error)
-    sentences = []
-    for program in dict.fromkeys(row.program for row in rows if row.compared == TRAJECTORY):
-        factor = digit_factor([(row.position_error, row.cost) for row in rows if (row.program, row.compared) == (
-            program, TRAJECTORY) and floor < row.position_error < _LARGEST_FITTED])
-        if math.isfinite(factor):
-            sentences.append(f"One more digit of every position by `{program}` multiplies the cost by {factor:.3g}.")
-    return sentences
+# Colours, and markers for readers who cannot distinguish them.
+_STYLES = {"exact": (figures.BLACK, "*"), "rk4": (figures.BLUE, "o"), "rk4_located": ("#882255", "P"),
+           "rk4_by_hand": ("#777777", "X"), "heyoka": (figures.SKY, "D"), "scipy": (figures.PURPLE, "v"),
+           "cvode": (figures.ORANGE, "<"), "diffrax": (figures.GREEN, "s"), "drake": (figures.VERMILION, "^"),
+           "mujoco": ("#8c564b", "h"), "siconos": ("#5b2c83", ">")}
+_OTHER_STYLE, _BAND_COLOUR, _NEAR_COLOUR = ("#999999", "."), "#dddddd", "#f6e58d"
+# m or s, more than the robot's length or the horizon: a method with a larger error has diverged, and is not shown.
+_LARGEST_ERROR = 1.0
+_PANELS = (("body_error", "error of the body's position [m]"), ("mass_error", "error of the masses' positions [m]"),
+           ("event_error", "error of the contacts' instants [s]"))
+COST_AXIS = "cost [s for each simulated second, without set-up]"
 
 
-def section(rows: Sequence[Row], picture: str) -> str:
-    """Return the section of a scene in Markdown: diagram, chaos, reference and mean speeds."""
-    reference, growth = reference_of(rows), lyapunov_time_in(rows)
-    chaos, name = str(growth), rows[0].problem
-    horizon = f"Trajectories are compared within {reference.horizon:g} s only; beyond that, averages are compared."
-    if reference.horizon > growth.comparable:
-        horizon = (f"Trajectories are compared within {reference.horizon:g} s as asked for, BEYOND the "
-                   f"{growth.comparable:.2g} s that chaos allows: the errors show it as much as the programs.")
-    return "\n\n".join([f"## {name}", f"![{name}: error over cost, and mean speed over the step]({picture})",
-                        f"{chaos[0].upper()}{chaos[1:]}. {horizon}",
-                        reference_in_words(reference), speeds_table(rows)])
+def style(name: str) -> dict[str, object]:
+    """Colour and marker of a program in every diagram."""
+    colour, marker = _STYLES.get(name, _OTHER_STYLE)
+    return {"color": colour, "marker": marker, "ms": 14 if marker == "*" else 5}
 
 
-def table(rows: Sequence[Row]) -> str:
-    """Return the table of a scene's trajectories in Markdown."""
-    reference = reference_of(rows)
-    least, cells = _five_errors(reference), list[tuple[object, ...]]()
-    for row in rows:
-        if row.compared == TRAJECTORY:
-            shown = [BELOW if value <= known else "one kind missed" if math.isinf(value) else _with_unit(value, unit)
-                     for value, known, unit in zip(_five_errors(row), least, ("m", "m", "m", "s", "m/s"), strict=True)]
-            cells.append((row.program, row.setting, two_digits(row.cost), two_digits(row.set_up), *shown, row.note))
-    return "\n".join([f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", "",
-                      markdown_table(_HEADING, cells)])
+@figures.default_settings()
+def draw_scene(rows: Sequence[Row], caption: str) -> figures.Figure:
+    """Draw three panels of errors of trajectories in one scene, and one of mean speeds."""
+    figure = figures.new_figure(13.0, 9.3, 100)
+    axes = figure.subplots(2, 2)
+    reference = next((row for row in rows if row.compared == REFERENCE), None)
+    trajectories = [row for row in rows if row.compared == TRAJECTORY]
+    for axis, (column, label) in zip(axes.flat, _PANELS, strict=False):
+        draw_errors(axis, trajectories, column, getattr(reference, column) if reference else math.nan)
+        horizon = f"within {trajectories[0].horizon:g} s" if trajectories else "not measured"
+        axis.set_title(f"trajectories, {horizon}", fontsize=10, loc="left")
+        axis.set_ylabel(label)
+    _draw_speeds(axes[1, 1], rows)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+    figures.set_heading(figure, f"{rows[0].problem}: accuracy and its cost\n{caption}")
+    return figure
 
 
-def _five_errors(row: Row) -> tuple[float, ...]:
-    return row.body_error, row.height_error, row.mass_error, row.event_error, row.speed_error
+def draw_errors(axes: figures.Axes, rows: Sequence[Row], column: str, floor: float) -> None:
+    """Draw error over cost of each program; errors below `floor`, the reference's own, are drawn at it."""
+    touched = [row for row in rows if math.isfinite(getattr(row, column))]
+    for name in dict.fromkeys(row.program for row in touched):
+        points = [(row.cost, max(getattr(row, column), floor) if math.isfinite(floor) else getattr(row, column))
+                  for row in touched if row.program == name and getattr(row, column) <= _LARGEST_ERROR]
+        if points:
+            axes.plot(*zip(*points, strict=True), label=name, lw=1.2, **style(name))
+    axes.set(xscale="log", yscale="log", xlabel=COST_AXIS)
+    if not touched:
+        axes.text(0.5, 0.5, "nothing touches", transform=axes.transAxes, ha="center")
+    elif floor > 0.0:
+        axes.axhspan(floor / 10.0, floor, color=_BAND_COLOUR, lw=0)
+        axes.text(0.99, 0.02, "below the reference's own error", transform=axes.transAxes, fontsize=8, ha="right")
+    figures.style_axes(axes)
 
 
-def how_measured(rows: Sequence[Row], effort: Effort) -> str:
-    """Return a description of the measurement in Markdown: unit of cost, rounds, instants, starts and machine."""
-    machines = dict.fromkeys(row.measured_on for row in rows if row.measured_on)
-    return ("A cost is the wall time in seconds for each simulated second, without the set-up of the run, which has "
-            "its own column [s]: runs over the horizon alternate with runs over the first sample. Costs are medians of "
-            f"at most {effort.repeats} rounds, each the median of as many runs as fit into {LEAST_TIME:g} s, sampled "
-            f"at {RATE:g} Hz. No finer setting is measured after a run of more than {effort.patience:g} s. Errors are "
-            "measured in other runs, at instants that do not coincide with samples or steps; `every position` means "
-            "the body along the ground, its height, and both masses. A motor that stands in the scene turns at "
-            f"{RUNNING_SPEED:g} rad/s: in runs of {LONG:g} s by a command at t = 0, in shorter ones from the start. "
-            f"Measured on {'; and on '.join(machines) or 'an unknown machine'}.")
+def _draw_speeds(axes: figures.Axes, rows: Sequence[Row]) -> None:
+    """Draw mean speeds over the step, with the exact mean speed and the range of nine of ten starts as a band."""
+    exact = averages_of(rows, "exact")
+    for row in exact:
+        axes.axhline(row.mean, color="black", lw=1.2)
+        axes.axhspan(row.low, row.high, color="#999999", alpha=0.5, lw=0)
+    for name in dict.fromkeys(row.program for row in rows if row.compared == AVERAGE and row.program != "exact"):
+        ladder = averages_of(rows, name)
+        joined: Mapping[str, object] = {} if all(row.motions == 1 for row in ladder) else {"linestyle": "none"}
+        means = np.array([row.mean for row in ladder])
+        ranges = np.abs([[row.low for row in ladder], [row.high for row in ladder]] - means)
+        axes.errorbar([row.value for row in ladder], means, yerr=ranges, capsize=3, **{**style(name), **joined})
+    if exact:
+        near = WITHIN * abs(exact[0].mean)
+        axes.axhspan(exact[0].mean - near, exact[0].mean + near, color=_NEAR_COLOUR, lw=0, zorder=0)
+        axes.axhline(0.0, color="#777777", lw=0.8, ls=":")
+        reach = max(3.0 * abs(exact[0].mean), 2.0 * (exact[0].high - exact[0].low), 1e-3)
+        axes.set_ylim(-reach, reach)
+        axes.set_title(f"averages over {exact[0].horizon:g} s of drawn starts, nine of ten within the bars\n"
+                       "black: exact; coloured band: ± 5 %", fontsize=10, loc="left")
+    axes.set(xscale="log", xlabel="step [s]", ylabel="mean speed [m/s]")
+    figures.style_axes(axes)

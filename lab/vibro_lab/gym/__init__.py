@@ -30,11 +30,6 @@ _SENSORS = {"sensors.encoder.rate": 1.0 / PERIOD, "sensors.encoder.velocity_wind
             "sensors.tracking.rate": 1.0 / PERIOD}
 
 
-def closeness(info: Mapping[str, float]) -> float:
-    """Return minus the true distance from the target, in 0.1 m; the default reward of a step."""
-    return -abs(info["body_position"] - info["target_position"]) / UNIT
-
-
 def relative(measured: Mapping[str, Any]) -> np.ndarray:
     """Return distance, target's speed, crank's speed and last action as numbers near 1; the default observation."""
     numbers = [measured["ahead"] / UNIT, measured["target_speed"] / UNIT, measured["crank_speed"] / 100.0]
@@ -58,7 +53,7 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         encoder, in 100 rad/s; and the last action.
 
     Reward
-        `reward(info)` at the end of the step; by default minus the true distance from the target, in 0.1 m.
+        Minus the true distance from the target at the end of the step, in 0.1 m. `info` has what another reward needs.
 
     Episode
         20 s in 100 steps. The target's speed is drawn between -90 and -20 mm/s at the reset, as is the sensors' seed,
@@ -70,8 +65,6 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
     scene : str or Scene
         The robot: a shipped scene's name, a file, or a scene; ValueError if it cannot perform the largest action.
         Encoder and tracking get the rate that a step needs.
-    reward : callable
-        Returns the reward of a step from its `info`.
     observation : callable
         Returns an observation from a mapping: `ahead` [m], `target_speed` [m/s], `crank_speed` [rad/s] and `action`,
         shape (3,), the last one; and under the name of each sensor that is on, such as `imu`, the values of its last
@@ -84,14 +77,14 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / PERIOD)}
 
-    def __init__(self, scene: str | Scene = "device", reward: Callable[[Mapping[str, float]], float] = closeness,
+    def __init__(self, scene: str | Scene = "device",
                  observation: Callable[[Mapping[str, Any]], np.ndarray] = relative,
                  observation_space: Space | None = None, render_mode: str | None = None):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode: {render_mode!r} is not offered; give rgb_array, or none")
         if (observation is relative) != (observation_space is None):
             raise ValueError("observation, observation_space: give both, or none")
-        self.render_mode, self._reward, self._observe = render_mode, reward, observation
+        self.render_mode, self._observe = render_mode, observation
         self._device: SensedSimulator | None = None
         loaded = load_scene(scene) if isinstance(scene, str) else scene
         self._scene = loaded.with_parameters({**_SENSORS, "motor.speed": 0.0})
@@ -137,7 +130,8 @@ class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
         device.advance_to(self._steps * PERIOD)
         self._sense(device)
         truth = self._truth(device)
-        return self._observe(self._measured), float(self._reward(truth)), False, False, truth
+        reward = -abs(truth["body_position"] - truth["target_position"]) / UNIT
+        return self._observe(self._measured), reward, False, False, truth
 
     @default_settings()
     def render(self) -> np.ndarray | None:  # type: ignore[override]

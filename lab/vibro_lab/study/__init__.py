@@ -10,7 +10,7 @@ lets an `execution.Execution` (processes of this machine, or a Dask cluster) com
 when it is done, so that the same command resumes where it was stopped. Then follow results, text and picture.
 
 Read `table` first, then `sweep`, the simplest study, and `execution` for the distribution of work. `command` has the
-parts common to all command lines, `variation` axes and ranges, `measures` the results of one run, `page` the tables of
-texts, `figures` the style of pictures, and `verification` the motions of an optimum. If several starts are run, the
-result has a row for each motion (`orbits.attractors`), never a mean over motions.
+parts common to all command lines, `variation` axes and ranges, `measures` the results of one run, and `figures` the
+style of pictures. If several starts are run, the result has a row for each motion (`orbits.attractors`), never a mean
+over motions.
 """

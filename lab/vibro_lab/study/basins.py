@@ -27,15 +27,15 @@ from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
 from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of, table_of
-from vibro_lab.study.variation import whole_number
-from vibro_ros import STATE_UNITS, Parser, Scene, SimulationError, Value, read_scalar
+from vibro_lab.study.variation import limits_in_words, whole_number
+from vibro_ros import STATE_UNITS, Parser, Scene, SimulationError, Value
 
 FOLDER, STARTS, ATTRACTORS, PICTURE = "blocks", "starts.parquet", "attractors.parquet", "basins.png"
 TURNS, MOST_TURNS, STARTS_DRAWN, QUICK_STARTS = 64, 4096, 1000, 300
 MOST_STARTS = 1_000_000
 """Largest number of starts of a study."""
-_MOST_VALUES = 10_000  # of a coordinate of a grid
 _FEWEST_TURNS, _LARGEST_TURNS = 8, 1_000_000  # limits of --turns and --most-turns
+_LARGEST = 1e6  # SI units, of a coordinate of a start
 _BLOCK_ROWS = 1024  # starts of a block, some seconds of work: the most that an interruption loses
 _KEPT_STATES = 32  # states of a motion without a period that a row keeps
 ANGLE = "crank_angle"
@@ -121,26 +121,18 @@ class BasinDesign:
 def over_in_words(scene: Scene, text: str) -> Over:
     """Parse a coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``."""
     name, equals, values = text.partition("=")
-    parts = [read_scalar(part) for part in values.split(":")]
-    if not equals or len(parts) not in (2, 3):
+    if not equals:
         raise ValueError(f"--over {text}: give NAME=LOW:HIGH:COUNT for a grid, NAME=LOW:HIGH for draws")
     known = (*state_names(scene), ANGLE)
     if name not in known:
         raise ValueError(f"--over {name or repr(name)}: is no coordinate of this scene's start; give one of "
                          f"{', '.join(known)}")
-    low, high = (_number(name, part) for part in parts[:2])
-    if not low < high:
-        raise ValueError(f"--over {name}: from {low:g} to {high:g} is no range; give the smaller number first")
+    low, high, count = limits_in_words(f"--over {name}", values)
+    if max(abs(low), abs(high)) > _LARGEST:
+        raise ValueError(f"--over {name}: {low:g} to {high:g} is out of range; give numbers up to {_LARGEST:g}")
     if name == "body_height" and low < 0.0:
         raise ValueError(f"--over {name}: {low:g} {STATE_UNITS[name]} is out of range; give at least 0")
-    count = whole_number(f"--over {name}: count", parts[2], 2, _MOST_VALUES) if len(parts) == 3 else 0
     return Over(name, low, high, count)
-
-
-def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
-        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {STATE_UNITS[name]}")
-    return float(value)
 
 
 def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int) -> Starts:

@@ -110,7 +110,6 @@ class StudyCommand:
     design_of: Callable[[argparse.Namespace], Any]
     # Takes the design, the locked folder and the execution, and yields `Results` as they are done.
     results: Callable[[Any, Path, Execution], Iterator[Results]]
-    scene: str | None = "device"  # default of `--scene`; None for a study that adds `--scene` and `--set` itself
     failure: str = "a run failed, or the disk is full"  # meaning of exit code 1, for its help
     goes_on: bool = True  # whether it keeps finished work and goes on from there
 
@@ -124,11 +123,10 @@ class StudyCommand:
             "by SIGHUP, SIGINT, SIGTERM" + (", finished work is kept." if self.goes_on else "."))
         parser.add_argument("--output", type=Path, default=Path("out/study") / self.name, metavar="DIR", help="where "
                             "to write (default: %(default)s)")
-        if self.scene:
-            parser.add_argument("--scene", default=self.scene, metavar="NAME", help="shipped scene or scene file "
-                                "(default: %(default)s)")
-            parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the "
-                                "scene, SI units, angles in rad; repeatable")
+        parser.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file "
+                            "(default: %(default)s)")
+        parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the "
+                            "scene, SI units, angles in rad; repeatable")
         self.add_options(parser)
         where = parser.add_mutually_exclusive_group()
         where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core); "

@@ -479,16 +479,18 @@ def _results(design: DiagramDesign, folder: Path, execution: Execution) -> Itera
 def _axis(options: argparse.Namespace) -> Axis:
     """Return the varied parameter and its values, ascending."""
     default = f"{_VARY}:{_QUICK_COUNT if options.quick else _COUNT}"
-    name, axis = varied_in_words(options.vary or default)
+    axis = varied_in_words(options.vary or default)
     if not isinstance(axis, Axis):
         raise ValueError(f"--vary {options.vary}: a range needs a count here; give NAME=LOW:HIGH:COUNT")
-    if name.startswith(("start.", "solver.")):
-        raise ValueError(f"--vary {name}: is no part of the machine, whose motions would stay the same; choose another")
-    if not isinstance(PARAMETERS[name].default, float):
-        raise ValueError(f"--vary {name}: is {PARAMETERS[name].type_name}; choose a number, which can go up and down")
+    if axis.name.startswith(("start.", "solver.")):
+        raise ValueError(f"--vary {axis.name}: is no part of the machine, whose motions would stay the same; choose "
+                         "another")
+    if not isinstance(PARAMETERS[axis.name].default, float):
+        raise ValueError(f"--vary {axis.name}: is {PARAMETERS[axis.name].type_name}; choose a number, which can go up "
+                         "and down")
     if len(axis.values) < 2:
         raise ValueError(f"--vary {options.vary}: one value goes neither up nor down; give at least 2")
-    return Axis(name, tuple(sorted(axis.values)))
+    return Axis(axis.name, tuple(sorted(axis.values)))
 
 
 def _design(options: argparse.Namespace) -> DiagramDesign:

@@ -30,8 +30,8 @@ from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
 from vibro_lab.study.measures import MEASURES, REST, WORK, Window, observed
 from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of
-from vibro_lab.study.variation import whole_number
-from vibro_ros import Parser, Scene, SimulationError, Simulator, read_scalar
+from vibro_lab.study.variation import limits_in_words
+from vibro_ros import Parser, Scene, SimulationError, Simulator
 
 SPEED, GAP = "motor_speed", "gap"
 SIDES = ("upper", "inclined")
@@ -88,11 +88,6 @@ class GridAxis:
     low: float
     high: float
     count: int
-
-    @property
-    def step(self) -> float:
-        """Distance between neighbouring values, in the unit of the command."""
-        return (self.high - self.low) / (self.count - 1)
 
     @property
     def values(self) -> np.ndarray:
@@ -192,13 +187,10 @@ def design_of(options: argparse.Namespace) -> MapDesign:
 
 
 def _axis(option: str, text: str) -> GridAxis:
-    parts = [read_scalar(part) for part in text.split(":")]
-    if len(parts) != 3 or not all(isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts[:2]):
+    axis = GridAxis(*limits_in_words(option, text))
+    if not axis.count:
         raise ValueError(f"{option} {text}: give LOW:HIGH:COUNT")
-    low, high = float(parts[0]), float(parts[1])  # type: ignore[arg-type]
-    if not (-1e9 < low < high < 1e9):
-        raise ValueError(f"{option} {text}: is no range; give the smaller number first")
-    return GridAxis(low, high, whole_number(f"{option}: count", parts[2], 2, 10_000))
+    return axis
 
 
 _NOTHING = (math.nan, math.nan, math.nan, math.nan)

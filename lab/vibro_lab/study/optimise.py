@@ -22,51 +22,52 @@ import cma
 import numpy as np
 import pyarrow as pa
 
+from vibro_lab.orbits.attractors import Attractor, group_starts
+from vibro_lab.orbits.chaos import half_interval
 from vibro_lab.orbits.starts import running
 from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of, settings_of
 from vibro_lab.study.execution import Execution, Rows
-from vibro_lab.study.measures import MEASURES, measure
-from vibro_lab.study.page import finite, markdown_table, mean_in_words, number
+from vibro_lab.study.measures import MEASURES, drift_in, measure, measure_with_motion
 from vibro_lab.study.table import Field, file_of, parameter_field, table_of
 from vibro_lab.study.variation import Range, at_the_edge, values_at_shares, varied_in_words, whole_number
-from vibro_lab.study.verification import AIR, MEASURED, POWERS, SUPPLY, Trials, verified
-from vibro_ros import PARAMETERS, Parser, Scene, SimulationError, parameter_named, scene_as_file
+from vibro_ros import PARAMETERS, Parser, Scene, SimulationError, load_scene, parameter_named, scene_as_file
 
 
 class Variable(NamedTuple):
-    """A parameter that is varied from `low` to `high`, in equal ratios if `logarithmic`; `reason` is of its bounds."""
+    """A parameter that is varied from `low` to `high`, in equal ratios if `logarithmic`."""
 
     name: str
-    symbol: str
     low: float
     high: float
     logarithmic: bool
-    reason: str
 
 
-_TWICE, _MASS = "from half to twice the paper's", "from the lightest to the heaviest mass of the paper's Fig. 3(a)"
-_SPRING, _DAMPER = "a decade either way of the paper's", "from a tenth to ten times that of `device`"
-_PLATE, _GAP = "from hard rubber to the paper's steel", "a plate at the slider's mid-stroke, aside by one crank radius"
 VARIABLES = (
-    Variable("mass.upper", "m2", 0.02, 0.25, True, _MASS),
-    Variable("mass.inclined", "m3", 0.02, 0.25, True, _MASS),
-    Variable("crank.upper_rod", "l_AB", 0.03, 0.12, True, _TWICE),
-    Variable("crank.inclined_rod", "l_AC", 0.03, 0.12, True, _TWICE),
-    Variable("crank.radius", "l_DA", 0.003, 0.06, True, "up to the longest of the paper's Fig. 3(b), or to a rod"),
-    Variable("guide.angle", "φ", math.radians(10.0), math.radians(90.0), False, "beyond 90° the guide points into the "
-             "ground; at 0° nothing drives the body"),
-    Variable("inclined.plate.stiffness", "k1", 1e5, 1e7, True, _PLATE),
-    Variable("upper.spring.stiffness", "k2", 1e2, 1e4, True, _SPRING),
-    Variable("inclined.spring.stiffness", "k3", 1e2, 1e4, True, _SPRING),
-    Variable("upper.plate.stiffness", "k4", 1e5, 1e7, True, _PLATE),
-    Variable("inclined.plate.damping", "c1", 10.0, 1000.0, True, _DAMPER),
-    Variable("upper.spring.damping", "c2", 0.2, 20.0, True, _DAMPER),
-    Variable("inclined.spring.damping", "c3", 0.2, 20.0, True, _DAMPER),
-    Variable("upper.plate.damping", "c4", 10.0, 1000.0, True, _DAMPER),
-    Variable("motor.speed", "ω", 20.0, 200.0, True, "from a fifth to twice the paper's"),
-    Variable("inclined.gap", "ξ_H - l_AC", -0.06, 0.06, False, _GAP),
-    Variable("upper.gap", "ζ_E - l_AB", -0.06, 0.06, False, _GAP),
+    # From the lightest to the heaviest mass of the paper's Fig. 3(a): m2, m3.
+    Variable("mass.upper", 0.02, 0.25, True),
+    Variable("mass.inclined", 0.02, 0.25, True),
+    # Rods l_AB, l_AC from half to twice the paper's; a crank l_DA up to the longest of Fig. 3(b), or to a rod.
+    Variable("crank.upper_rod", 0.03, 0.12, True),
+    Variable("crank.inclined_rod", 0.03, 0.12, True),
+    Variable("crank.radius", 0.003, 0.06, True),
+    # φ: beyond 90° the guide points into the ground; at 0° nothing drives the body.
+    Variable("guide.angle", math.radians(10.0), math.radians(90.0), False),
+    # Plates k1, k4 from hard rubber to the paper's steel; springs k2, k3 a decade either way of the paper's.
+    Variable("inclined.plate.stiffness", 1e5, 1e7, True),
+    Variable("upper.spring.stiffness", 1e2, 1e4, True),
+    Variable("inclined.spring.stiffness", 1e2, 1e4, True),
+    Variable("upper.plate.stiffness", 1e5, 1e7, True),
+    # c1 to c4 from a tenth to ten times those of `device`.
+    Variable("inclined.plate.damping", 10.0, 1000.0, True),
+    Variable("upper.spring.damping", 0.2, 20.0, True),
+    Variable("inclined.spring.damping", 0.2, 20.0, True),
+    Variable("upper.plate.damping", 10.0, 1000.0, True),
+    # ω from a fifth to twice the paper's.
+    Variable("motor.speed", 20.0, 200.0, True),
+    # ξ_H - l_AC, ζ_E - l_AB: a plate at the slider's mid-stroke, aside by one crank radius.
+    Variable("inclined.gap", -0.06, 0.06, False),
+    Variable("upper.gap", -0.06, 0.06, False),
 )
 """The paper's parameters of F_opt; the rods come before the crank, and the crank before the gaps that it limits."""
 _MEANING = {"net": "the work of the motor less what the springs return to it, over time",
@@ -83,6 +84,28 @@ QUANTILE, FAILED = 0.25, -1e3
 _SIGMA, _FINE, _RESTARTS = 0.3, 1e-3, 99  # of CMA-ES, as shares of the cube's edge; the budget ends the restarts
 _ON_BOUND, _APART = 0.01, 0.05  # shares: a value on its bound; the least distance between two finalists
 _SHOWN = 24  # largest number of robots of a front
+
+
+MEASURED = ("mean_speed", "mean_power", "delivered_power", "air_share", "supply_power")
+"""Measures of each start: the columns of a robot's values. The last one is NaN without a dc motor."""
+AIR, SUPPLY = 3, 4
+_LOADS = ("mean_load", "unloaded_share")  # measures of the verification alone
+POWERS = {"net": 1, "delivered": 2, "supply": SUPPLY}
+"""Column of `MEASURED` for each reading of P."""
+
+
+class Trials(NamedTuple):
+    """Runs of a robot: drawn starts from number `first` on, with times in s."""
+
+    first: int
+    starts: int
+    settling: float
+    duration: float
+
+    @property
+    def run_time(self) -> float:
+        """Simulated time of all starts [s]."""
+        return self.starts * (self.settling + self.duration)
 
 
 class SearchEffort(NamedTuple):
@@ -283,6 +306,88 @@ def non_dominated(pairs: np.ndarray) -> list[int]:
     return kept[::-1]
 
 
+def readings(scene: Scene) -> dict[str, Scene]:
+    """Scenes for the verification by their descriptions: the scene itself, and variants with other effects or start."""
+    other_start = "zero" if scene["start.state"] == "rest" else "rest"
+    others: dict[str, dict[str, Any]] = {
+        "the body is held on the ground by decree (`unilateral`)": {"effects.normal_force": "unilateral"},
+        f"drawn starts that begin from `{other_start}`": {"start.state": other_start},
+        "every effect of `device`": {name: value for name, value in load_scene("device").parameters.items()
+                                     if name.startswith("effects.")}}
+    scenes = {f"as sought (`{scene.name}`)": scene}
+    for words, changes in others.items():
+        if (other := scene.with_parameters(changes)) not in scenes.values():
+            scenes[words] = other
+    return scenes
+
+
+def verified(scene: Scene, power: str, trials: Trials, execution: Execution) -> list[dict[str, Any]]:
+    """Return a row for each attractor of a robot under each of `readings`, that of most starts first; SI units."""
+    scenes, rows = readings(scene), list[dict[str, Any]]()
+    runs = execution.rows(partial(_settled_at, tuple(scenes.values()), trials), range(len(scenes)),
+                          trials.run_time)
+    with closing(runs), Progress("verification", "reading", len(scenes)) as progress:
+        for (words, reading), starts in zip(scenes.items(), runs, strict=True):
+            values, motions, drifts = map(list, zip(*starts, strict=True))
+            attractors, places = group_starts(motions, [row[0] for row in values])
+            rows += [_row(words, reading, attractor, np.array(values)[places == place],
+                          np.array(drifts)[places == place], power) for place, attractor in enumerate(attractors)]
+            progress.add(1)
+    return rows
+
+
+def _settled_at(scenes: tuple[Scene, ...], trials: Trials, number: int) -> list[tuple[list[float], Any, float]]:
+    """Measures, settled motion or None, and drift from each start; NaN if the run cannot go on."""
+    names, starts = (*MEASURED, *_LOADS), list[tuple[list[float], Any, float]]()
+    for start in range(trials.first, trials.first + trials.starts):
+        try:
+            values, motion, drift = measure_with_motion(scenes[number], names, trials.settling, trials.duration, start)
+            starts.append(([values[name] for name in names], motion, drift))
+        except SimulationError:
+            starts.append(([math.nan] * len(names), None, math.nan))
+    return starts
+
+
+def _row(words: str, scene: Scene, attractor: Attractor, values: np.ndarray, drifts: np.ndarray, power: str
+         ) -> dict[str, Any]:
+    """Row of an attractor from the values of its starts; means with half the 95 % interval, if the starts settled."""
+    def mean(column: np.ndarray) -> dict[str, float]:
+        return {"mean": float(column.mean()),
+                "spread": math.nan if attractor.turns is None else float(half_interval(column))}
+
+    paid, weight = values[:, POWERS[power]], scene.total_mass * scene["gravity"]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio, speed = mean(np.abs(values[:, 0]) / paid), mean(values[:, 0])
+    pays = scene["effects.reaction"] and paid.mean() > 0.0 and speed["mean"] != 0.0 and weight > 0.0
+    load, unloaded = values[:, len(MEASURED):].mean(axis=0).tolist()
+    return {"reading": words, "turns": attractor.turns, "starts": attractor.starts, "share": attractor.share,
+            "low": attractor.low, "high": attractor.high, "speed": speed, "least": attractor.least,
+            "largest": attractor.largest, "power": mean(values[:, 1]), "delivered": mean(values[:, 2]),
+            "supply": mean(values[:, SUPPLY]), "ratio": ratio,
+            "cost": float(paid.mean() / (weight * abs(speed["mean"]))) if pays else math.nan,
+            "drift": 0.0 if attractor.turns else drift_in(drifts, speed["mean"]),
+            "load": load, "unloaded": unloaded, "air": float(values[:, AIR].mean())}
+
+
+def number(value: float, factor: float = 1.0) -> str:
+    """Format `factor` times a value with three digits; a dash if it is not finite."""
+    text = f"{factor * value:.3g}"
+    return "-" if not math.isfinite(value) else f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
+
+
+def mean_in_words(statistic: Mapping[str, float], factor: float = 1.0) -> str:
+    """Format a mean ± half its interval; an interval below 1e-5 belongs to one periodic motion, and is not shown."""
+    shown = math.isfinite(statistic["mean"]) and statistic["spread"] > 1e-5 * abs(statistic["mean"])
+    return number(statistic["mean"], factor) + (f" ± {factor * statistic['spread']:.2g}" if shown else "")
+
+
+def finite(value: Any) -> Any:
+    """Replace numbers that are not finite by None, because JSON does not have them."""
+    if isinstance(value, dict):
+        return {name: finite(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def speed_in_words(row: Mapping[str, Any]) -> str:
@@ -305,7 +410,7 @@ class Result:
 
     @property
     def title(self) -> str:
-        """Heading of page and pictures."""
+        """Heading of the picture and of the scene file."""
         return f"Optimum: {OBJECTIVES[self.plan.objective]}, scene {self.plan.scene.name}"
 
     def in_words(self) -> list[str]:
@@ -320,40 +425,8 @@ class Result:
         return [f"The optimum goes at {does}, forward positive.", f"The optimum: {robot}.",
                 at_the_edge("the best score", ends) or "The optimum lies within the range of every parameter."]
 
-    def document(self) -> str:
-        """Return the page."""
-        plan, (does, _, ends) = self.plan, self.in_words()
-        trials, verifying = plan.effort.trials, plan.effort.verifying
-        asked = (
-            f"P is mean power: {_MEANING[plan.power]}. CMA-ES tried {len(self.candidates.points)} robots from the same "
-            f"{trials.starts} drawn starts, over {trials.duration:g} s after {trials.settling:g} s. The score is the "
-            f"lower quartile of these starts. Direction: {plan.direction}; all starts must agree. Least speed: "
-            f"{number(plan.least_speed, 1e3)} mm/s. Most time in the air: {100 * plan.most_air:g} %.")
-        values = plan.parameters(self.point)
-        parameters = [[f"`{one.name}`", one.symbol, number(values[one.name]), number(PARAMETERS[one.name].default),
-                       PARAMETERS[one.name].unit, f"{number(one.low)} to {number(one.high)}", _end(share), one.reason]
-                      for one, share in zip(plan.variables, self.point, strict=True)]
-        motions = [[row["reading"], "not settled" if row["turns"] is None else f"{row['turns'] or 'no'} turns",
-                    f"{row['starts']} of {verifying.starts}", speed_in_words(row), number(row["load"]),
-                    f"{100 * row['unloaded']:.0f}", f"{100 * row['air']:.0f}",
-                    *(mean_in_words(row[name]) for name in ("power", "delivered", "supply")),
-                    mean_in_words(row["ratio"]) if math.isfinite(row["cost"]) else "-", number(row["cost"])]
-                   for row in self.rows]
-        said = (
-            f"{verifying.starts} drawn starts that the search has not seen, {verifying.duration:g} s each after "
-            f"{verifying.settling:g} s: a row for each motion, with its mean ± half the 95 % interval, or the range of "
-            "starts that have not settled. Mean N over the weight must be 1 on a real ground; a robot with more is "
-            "held down by the rule of its row, and would not do this.")
-        return "\n\n".join([
-            f"# {self.title}", asked, does, "## Parameters", ends, markdown_table(
-            ["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"], parameters),
-            "## Verification", said, markdown_table(
-            ["reading", "repeats itself after", "starts", "speed, forward positive [mm/s]", "mean N over weight",
-             "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "P from the supply [W]",
-             "V/P [m/J]", "cost of transport"], motions)]) + "\n"
-
     def numbers(self) -> bytes:
-        """Return the data of the page as JSON, in SI units; numbers that are not finite are null."""
+        """Return all results as JSON, in SI units; numbers that are not finite are null."""
         whole = {"robots": len(self.candidates.points), "optimum": self.plan.parameters(self.point),
                  "verified": self.rows, "front": self.front}
         return (json.dumps(finite(whole), indent=1, allow_nan=False) + "\n").encode()
@@ -399,7 +472,7 @@ def _results(plan: SearchPlan, folder: Path, execution: Execution) -> Iterator[R
     robot, pays = plan.robot(point), plan.scene["effects.reaction"]
     result = Result(plan, candidates, point, verified(robot, plan.power, plan.effort.verifying, execution),
                     front_of(plan, candidates, execution) if pays else [])
-    files = {"optimum.md": result.document().encode(), "optimum.json": result.numbers(),
+    files = {"optimum.json": result.numbers(),
              "optimum.yaml": scene_as_file(robot, f"{result.title}; found by `study optimise`."),
              "candidates.parquet": result.table()}
     yield Results({**files, **({"front.png": result.picture()} if result.front else {})}, result.in_words())
@@ -408,7 +481,7 @@ def _results(plan: SearchPlan, folder: Path, execution: Execution) -> Iterator[R
 def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Variable, ...]:
     """Return `VARIABLES` without the fixed ones, and with the bounds of the options `--vary` (ValueError)."""
     variables = {variable.name: variable for variable in VARIABLES}
-    ranges = dict(map(varied_in_words, words))
+    ranges = {over.name: over for over in map(varied_in_words, words)}
     for option, name in [*(("--fix", name) for name in fixed), *(("--vary", name) for name in ranges)]:
         if name not in variables:
             parameter_named(name, PARAMETERS)
@@ -421,7 +494,7 @@ def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Variab
             raise ValueError(f"--vary {name}: is fixed as well; leave out --fix or --vary")
         if variables[name].logarithmic and over.low <= 0.0:
             raise ValueError(f"--vary {word}: is varied in equal ratios; give bounds above 0 {PARAMETERS[name].unit}")
-        variables[name] = variables[name]._replace(low=over.low, high=over.high, reason="as asked for")
+        variables[name] = variables[name]._replace(low=over.low, high=over.high)
     kept = tuple(variable for name, variable in variables.items() if name not in fixed)
     if not kept:
         raise ValueError("--fix: nothing is left to vary; fix fewer parameters")
@@ -478,5 +551,5 @@ def _add_options(parser: Parser) -> None:
 
 
 main = StudyCommand(
-    "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts, and write text, "
-    "a table, a picture and a scene file.", _add_options, plan_of, _results, failure="a run failed", goes_on=False)
+    "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts, and write a "
+    "table, JSON, a picture and a scene file.", _add_options, plan_of, _results, failure="a run failed", goes_on=False)

@@ -363,10 +363,10 @@ def plan_of(options: argparse.Namespace) -> BranchPlan:
     vary = options.vary or (_QUICK_VARY if options.quick else None)
     if vary is None:
         raise ValueError("--vary: is missing; give NAME=LOW:HIGH, such as motor.speed=60:130")
-    name, over = varied_in_words(vary)
+    over = varied_in_words(vary)
     if not isinstance(over, Range) or over.log:
         raise ValueError(f"--vary {vary}: is no range; give NAME=LOW:HIGH, such as motor.speed=60:130")
-    scene = running(machine_of(options))
+    name, scene = over.name, running(machine_of(options))
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']!r} is not exact to rounding, which derivatives of "
                          "orbits need; leave it at 'exact'")

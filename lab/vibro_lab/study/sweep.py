@@ -11,23 +11,15 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from vibro_lab.orbits.starts import SETTLING
 from vibro_lab.study.command import Progress, Results, StudyCommand
 from vibro_lab.study.execution import Execution
 from vibro_lab.study.measures import MEASURES, measure_with_motion
-from vibro_lab.study.sweep_design import (
-    DEFAULTS,
-    KEPT_STATES,
-    NO_SCENE,
-    PART,
-    SweepDesign,
-    design_of,
-    given_in_words,
-    read_sweep,
-)
+from vibro_lab.study.sweep_design import KEPT_STATES, NO_SCENE, PART, SweepDesign, design_of
 from vibro_lab.study.sweep_summary import as_csv, draw_sweep, in_words, summarised
 from vibro_lab.study.table import NUMBERS, Field, Study, computed
 from vibro_lab.study.variation import SAMPLERS
-from vibro_ros import PARAMETERS, Parser, SimulationError, find_file, say, shipped
+from vibro_ros import PARAMETERS, Parser, SimulationError, say
 
 # Simulated time [s] of the runs of a block, a second or two of work, and its largest number of rows: the most that an
 # interruption loses.
@@ -91,8 +83,7 @@ TABLE, PICTURE = "summary.csv", "sweep.png"
 
 
 def _checked_design(options: argparse.Namespace) -> SweepDesign:
-    file = {} if options.file is None else read_sweep(find_file("sweep", options.file))
-    design = design_of(file, given_in_words(options))
+    design = design_of(options)
     check_points(design)
     return design
 
@@ -120,28 +111,23 @@ def check_points(design: SweepDesign) -> None:
 
 
 def _add_options(parser: Parser) -> None:
-    parser.add_argument("file", nargs="?", metavar="FILE", help="a sweep's YAML file, or one of "
-                        f"{', '.join(shipped('sweep'))}; the options below change what it says")
-    parser.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter's value at every "
-                        "point, SI units, angles in rad; repeatable")
     parser.add_argument("--vary", action="append", default=[], metavar="NAME=VALUES", help="LOW:HIGH:COUNT, a grid; "
                         "A,B,C, a list; LOW:HIGH, a range for --sample; `:log` behind a grid or a range spreads it by "
                         "its logarithm; NAME+NAME gives linked parameters the same value; repeatable, every "
                         "combination is run")
     parser.add_argument("--sample", metavar="METHOD:COUNT[:SEED]", help="how ranges are sampled: "
                         f"{' or '.join(SAMPLERS)}; the seed is 0 unless given")
-    parser.add_argument("--measure", nargs="+", metavar="NAME", help="what is measured (default: "
-                        f"{' '.join(DEFAULTS['measure'])})")
-    parser.add_argument("--starts", type=int, metavar="N", help="drawn starts of each point, the same for all points; "
-                        f"0: the scene's own start alone (default: {DEFAULTS['starts']})")
-    parser.add_argument("--settling", type=float, metavar="S", help="time of a run that does not count (default: "
-                        f"{DEFAULTS['settling']:g})")
-    parser.add_argument("--duration", type=float, metavar="S", help="time that counts, cut to whole turns (default: "
-                        f"{DEFAULTS['duration']:g})")
+    parser.add_argument("--measure", nargs="+", metavar="NAME", default=["mean_speed"], help="what is measured "
+                        "(default: mean_speed)")
+    parser.add_argument("--starts", type=int, metavar="N", default=8, help="drawn starts of each point, the same for "
+                        "all points; 0: the scene's own start alone (default: %(default)s)")
+    parser.add_argument("--settling", type=float, metavar="S", default=SETTLING, help="time of a run that does not "
+                        "count (default: %(default)g)")
+    parser.add_argument("--duration", type=float, metavar="S", default=10.0, help="time that counts, cut to whole "
+                        "turns (default: %(default)g)")
 
 
 main = StudyCommand(
     "sweep", "Vary parameters of a scene over lists, grids or samples, measure the robot at every point from several "
     f"starts, and write one Parquet file a block, a summary and a picture. Measures: {', '.join(MEASURES)}.",
-    _add_options, _checked_design, _results, scene=None)
+    _add_options, _checked_design, _results)

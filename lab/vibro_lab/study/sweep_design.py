@@ -1,35 +1,28 @@
-"""The design of a sweep: the points, the starts of each, and the measures, from a file and the command line.
+"""The design of a sweep: the points, the starts of each, and the measures.
 
 Rows are numbered point by point, and within a point start by start. Points have the order of the product of the axes
 and the samples: the sample changes fastest, then the last axis.
 """
 
 import argparse
-import difflib
 import functools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from vibro_lab.orbits.starts import SETTLING
-from vibro_lab.study.command import settings_of
+from vibro_lab.study.command import machine_of, settings_of
 from vibro_lab.study.measures import checked_names, checked_times
 from vibro_lab.study.variation import (
     Axis,
     Range,
     Sampling,
-    parameter_names,
-    sampling,
     sampling_in_words,
-    varied,
     varied_in_words,
     whole_number,
 )
-from vibro_ros import PARAMETERS, Scene, Value, load_scene, parameter_named, read_yaml, scene_origin
+from vibro_ros import Scene, Value
 
 #: Largest number of runs of a sweep.
 MOST_RUNS = 100_000_000
@@ -59,12 +52,12 @@ class SweepDesign:
         checked_names(self.measures)
         checked_times(self.settling, self.duration, self.starts > 0)
         if not self.varied:
-            raise ValueError("vary: nothing varies; give --vary NAME=LOW:HIGH:COUNT or NAME=A,B,C")
+            raise ValueError("--vary: nothing varies; give NAME=LOW:HIGH:COUNT or NAME=A,B,C")
         if self.ranges and self.sampling is None:
             name = self.ranges[0].name
             raise ValueError(f"{name}: a range without a count needs --sample, such as sobol:64; or give a count")
         if self.sampling is not None and not self.ranges:
-            raise ValueError("sample: no range to sample; give one without a count, as --vary NAME=LOW:HIGH")
+            raise ValueError("--sample: no range to sample; give one without a count, as --vary NAME=LOW:HIGH")
         for name in self.names:
             if self.names.count(name) > 1:
                 raise ValueError(f"{name}: is varied twice; keep one")
@@ -79,17 +72,17 @@ class SweepDesign:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the varied parameters, each of linked ones by itself."""
-        return tuple(name for one in self.varied for name in one.names)
+        return tuple(name for over in self.varied for name in over.names)
 
     @property
     def axes(self) -> tuple[Axis, ...]:
         """The parameters with lists of values."""
-        return tuple(one for one in self.varied if isinstance(one, Axis))
+        return tuple(axis for axis in self.varied if isinstance(axis, Axis))
 
     @property
     def ranges(self) -> tuple[Range, ...]:
         """The parameters that are sampled."""
-        return tuple(one for one in self.varied if isinstance(one, Range))
+        return tuple(varied for varied in self.varied if isinstance(varied, Range))
 
     @property
     def points(self) -> int:
@@ -133,10 +126,10 @@ class SweepDesign:
                 yield point, None, str(error)
 
     def document(self) -> dict[str, object]:
-        """The design in the form of a sweep's file, with every parameter of the scene."""
+        """Everything that determines the rows, for JSON."""
         fixed = {name: value for name, value in self.scene.parameters.items() if name not in self.names}
         sample = {"sample": vars(self.sampling)} if self.sampling else {}
-        return {"scene": self.scene.name, "set": fixed, "vary": {one.name: one.document() for one in self.varied},
+        return {"scene": self.scene.name, "set": fixed, "vary": {over.name: over.document() for over in self.varied},
                 **sample, "measure": list(self.measures), "starts": self.starts, "settling": self.settling,
                 "duration": self.duration}
 
@@ -146,87 +139,16 @@ class SweepDesign:
         if self.sampling is None:
             return np.zeros((1, 0))
         shares = self.sampling.shares(len(self.ranges))
-        return np.column_stack([one.at(shares[:, k]) for k, one in enumerate(self.ranges)])
+        return np.column_stack([sampled.at(shares[:, k]) for k, sampled in enumerate(self.ranges)])
 
 
-#: Defaults of a sweep's file and command line; a scene and a varied parameter must be given.
-DEFAULTS: Mapping[str, Any] = {"set": {}, "vary": {}, "sample": None, "measure": ["mean_speed"], "starts": 8,
-                                  "settling": SETTLING, "duration": 10.0}
-KEYS = ("scene", *DEFAULTS)
-
-
-def read_sweep(path: Path) -> dict[str, Any]:
-    """Read the checked entries of a sweep's file, for `design_of`; a relative path of its scene starts at the file."""
-    document = read_yaml(path)
-    try:
-        if not isinstance(document, dict):
-            raise ValueError(f"holds no mapping; give {', '.join(KEYS)}")
-        for key in document:
-            if key not in KEYS:
-                near = difflib.get_close_matches(str(key), KEYS, n=1)
-                raise ValueError(f"{key!r} is unknown; "
-                                 f"{f'did you mean {near[0]}?' if near else 'give ' + ', '.join(KEYS)}")
-        return {key: _checked_entry(key, value, path.parent) for key, value in document.items()}
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def _checked_entry(key: str, value: object, folder: Path) -> Any:
-    if key in ("set", "vary"):
-        if not isinstance(value, dict):
-            raise ValueError(f"{key}: {value!r} is no mapping; give parameters by name")
-        check = varied if key == "vary" else (lambda name, given: parameter_named(name, PARAMETERS).checked(given))
-        return {str(name): check(str(name), given) for name, given in value.items()}
-    if key == "scene":
-        if not isinstance(value, str):
-            raise ValueError(f"scene: {value!r} is no text; give a shipped scene's name or a path")
-        return scene_origin(value, folder)
-    if key == "sample":
-        if not isinstance(value, dict) or not {"method", "count"} <= set(value) <= {"method", "count", "seed"}:
-            raise ValueError(f"sample: {value!r} says not how; give method and count, and perhaps seed")
-        return sampling(value["method"], value["count"], value.get("seed", 0))
-    if key == "measure":
-        if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-            raise ValueError(f"measure: {value!r} is no list of names; write [mean_speed, mean_power]")
-        return list(checked_names(value))
-    if key == "starts":
-        return whole_number("starts", value, 0, MOST_STARTS)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ValueError(f"{key}: {value!r} is not a number; give seconds")
-    return float(value)
-
-
-def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the entries that the command line gives, for `design_of`."""
-    given = {key: getattr(options, key) for key in ("scene", "measure", "settling", "duration")}
-    given["starts"] = None if options.starts is None else whole_number("--starts", options.starts, 0, MOST_STARTS)
-    given["sample"] = sampling_in_words(options.sample) if options.sample else None
-    chosen = {key: value for key, value in given.items() if value is not None}
-    chosen["set"] = settings_of(options.set)
-    chosen["vary"] = dict(varied_in_words(text, linked=True) for text in options.vary)
-    if len(chosen["vary"]) < len(options.vary):
-        raise ValueError("--vary: a parameter is given twice; keep one")
-    return chosen
-
-
-def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> SweepDesign:
-    """Make the design from a sweep's file, or nothing, and the command line (`read_sweep` and `given_in_words`).
-
-    A parameter that the command line sets or varies overrides its entry in the file; linked ones, if all of them are.
-    """
-    entries = {**DEFAULTS, **file, **words}
-    given = {name for key in ("set", "vary") for linked in words.get(key, {}) for name in parameter_names(linked)}
-    for key in ("set", "vary"):
-        on_command_line = words.get(key, {})
-        entries[key] = {name: value for name, value in file.get(key, {}).items()
-                     if name in on_command_line or not given.issuperset(parameter_names(name))} | on_command_line
-    varied_names = {name for linked in entries["vary"] for name in parameter_names(linked)}
-    for name in entries["set"]:
-        if name in varied_names:
+def design_of(options: argparse.Namespace) -> SweepDesign:
+    """Make the design from the options of the command line (ValueError)."""
+    varied = tuple(varied_in_words(text, linked=True) for text in options.vary)
+    settings = settings_of(options.set)
+    for name in (name for over in varied for name in over.names):
+        if name in settings:
             raise ValueError(f"{name}: is set and varied; keep one")
-    if "scene" not in entries:
-        raise ValueError("scene: none given; give --scene NAME, or a sweep's file that names one")
-    scene = load_scene(entries["scene"]).with_parameters(entries["set"])
-    return SweepDesign(scene, tuple(entries["vary"].values()), entries["sample"],
-                       tuple(checked_names(entries["measure"])), entries["starts"], entries["settling"],
-                       entries["duration"])
+    return SweepDesign(machine_of(options), varied, sampling_in_words(options.sample) if options.sample else None,
+                       checked_names(options.measure), whole_number("--starts", options.starts, 0, MOST_STARTS),
+                       options.settling, options.duration)

@@ -34,7 +34,7 @@ class Axis:
         return parameter_names(self.name)
 
     def document(self) -> list[Value]:
-        """Its entry in a sweep's file."""
+        """Its entry in the document of a design."""
         return list(self.values)
 
 
@@ -57,7 +57,7 @@ class Range:
         return values_at_shares(self.low, self.high, self.log, shares)
 
     def document(self) -> dict[str, Value]:
-        """Its entry in a sweep's file."""
+        """Its entry in the document of a design."""
         return {"from": self.low, "to": self.high, **({"scale": LOG} if self.log else {})}
 
 
@@ -85,78 +85,71 @@ def values_at_shares(low: float, high: float, log: bool, shares: np.ndarray) -> 
     return np.where(shares == 1.0, high, np.clip(values, min(low, high), max(low, high)))
 
 
-def varied(name: str, given: object) -> Axis | Range:
-    """Return the axis or range of a parameter, or of linked ones, from its entry in a sweep's file.
-
-    A list has the values; a mapping has `from`, `to` and optionally `scale` for a range that is sampled, and `count`
-    for a grid.
-    """
-    parameters = [parameter_named(one, PARAMETERS) for one in parameter_names(name)]
-    first = parameters[0]
-    for other in parameters[1:]:
-        if (other.unit, other.type_name) != (first.unit, first.type_name):
-            raise ValueError(f"{name}: {first.name} is {first.type_name} [{first.unit or '1'}] and {other.name} "
-                             f"{other.type_name} [{other.unit or '1'}]; link parameters of one kind")
-    if isinstance(given, (list, tuple)):
-        return _axis(name, parameters, given)
-    if not isinstance(given, dict):
-        raise ValueError(f"{name}: {given!r} varies nothing; give a list of values, or `from` and `to`")
-    for key in given:
-        if key not in ("from", "to", "count", "scale"):
-            raise ValueError(f"{name}: {key!r} is unknown; give from, to, count, scale")
-    for key in ("from", "to"):
-        if key not in given:
-            raise ValueError(f"{name}: {key!r} is missing; give `from` and `to`")
-    return _grid_or_range(name, parameters, given["from"], given["to"], given.get("count"),
-                          given.get("scale", "linear"))
-
-
-def varied_in_words(text: str, linked: bool = False) -> tuple[str, Axis | Range]:
-    """Parse a parameter's name and its axis or range: ``NAME=A,B,C``, ``NAME=LOW:HIGH:COUNT`` or ``NAME=LOW:HIGH``.
+def varied_in_words(text: str, linked: bool = False) -> Axis | Range:
+    """Parse an axis or a range: ``NAME=A,B,C``, ``NAME=LOW:HIGH:COUNT``, or ``NAME=LOW:HIGH``, which is sampled.
 
     After either of the last two, ``:log`` spaces the values evenly by their logarithms. If `linked` is true, ``NAME``
     may be several names with `LINK` between them.
     """
     name, equals, values = text.partition("=")
-    parts = values.split(":")
     if not equals or not values:
-        raise ValueError(f"--vary {text}: give NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH with --sample, or NAME=A,B,C")
+        raise ValueError(f"--vary {text}: give {_FORMS}")
     if LINK in name and not linked:
         raise ValueError(f"--vary {text}: only `study sweep` links parameters; give one name")
-    if len(parts) == 1:
+    parameters = [parameter_named(parameter, PARAMETERS) for parameter in parameter_names(name)]
+    first = parameters[0]
+    for other in parameters[1:]:
+        if (other.unit, other.type_name) != (first.unit, first.type_name):
+            raise ValueError(f"{name}: {first.name} is {first.type_name} [{first.unit or '1'}] and {other.name} "
+                             f"{other.type_name} [{other.unit or '1'}]; link parameters of one kind")
+    ends, log = (values.removesuffix(f":{LOG}"), True) if values.endswith(f":{LOG}") else (values, False)
+    if ":" not in ends:
         try:
-            return name, varied(name, [read_scalar(value.strip()) for value in values.split(",")])
+            return _axis(name, parameters, [read_scalar(value.strip()) for value in values.split(",")])
         except ValueError as error:
-            if not PARAMETERS.keys() >= set(parameter_names(name)):
-                raise
-            raise ValueError(f"{error}; --vary takes NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH with --sample, or NAME=A,B,C"
-                             ) from None
-    scale = parts.pop() if parts[-1] == LOG else "linear"
+            raise ValueError(f"{error}; --vary takes {_FORMS}") from None
+    if not isinstance(first.default, float):
+        raise ValueError(f"{name}: is {first.type_name}, which has no range; list its values")
+    low, high, count = limits_in_words(f"--vary {name}", ends)
+    low, high = _checked(parameters, low), _checked(parameters, high)
+    if log and low <= 0.0:
+        raise ValueError(f"{name}: {low:g} has no logarithm; begin above 0, or give no {LOG}")
+    if not count:
+        return Range(name, low, high, log)
+    return _axis(name, parameters, values_at_shares(low, high, log, np.linspace(0.0, 1.0, count)).tolist())
+
+
+_FORMS = "NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH with --sample, or NAME=A,B,C"
+
+
+def limits_in_words(what: str, text: str) -> tuple[float, float, int]:
+    """Parse ``LOW:HIGH:COUNT``, or ``LOW:HIGH``, whose count is 0 (ValueError that begins with `what`)."""
+    parts = [read_scalar(part) for part in text.split(":")]
     if len(parts) not in (2, 3):
-        raise ValueError(f"--vary {text}: has {len(parts)} parts; give LOW:HIGH:COUNT, or LOW:HIGH with --sample")
-    low, high, *count = map(read_scalar, parts)
-    return name, varied(name, {"from": low, "to": high, "scale": scale, **({"count": count[0]} if count else {})})
-
-
-def sampling(method: object, count: object, seed: object) -> Sampling:
-    """Return a checked `Sampling`."""
-    if method not in SAMPLERS:
-        raise ValueError(f"sample: {method!r} is unknown; choose one of {', '.join(SAMPLERS)}")
-    points = whole_number("sample: count", count, 1, MOST_SAMPLES)
-    if method == "sobol" and points & (points - 1):
-        less = 1 << (points.bit_length() - 1)
-        raise ValueError(f"sample: {points} points of sobol are not spread evenly; give {less} or {2 * less}")
-    return Sampling(str(method), points, whole_number("sample: seed", seed, 0, 2**63 - 1))
+        raise ValueError(f"{what}: {text} has {len(parts)} parts; give LOW:HIGH:COUNT or LOW:HIGH")
+    for end in parts[:2]:
+        if isinstance(end, bool) or not isinstance(end, int | float) or not abs(end) <= 1e100:
+            raise ValueError(f"{what}: {end!r} is not a number; give LOW:HIGH:COUNT or LOW:HIGH")
+    low, high = float(parts[0]), float(parts[1])  # type: ignore[arg-type]
+    if not low < high:
+        raise ValueError(f"{what}: from {low:g} to {high:g} is no range; give the smaller number first")
+    return low, high, whole_number(f"{what}: count", parts[2], 2, MOST_VALUES) if len(parts) == 3 else 0
 
 
 def sampling_in_words(text: str) -> Sampling:
-    """Parse a `Sampling` from ``METHOD:COUNT`` or ``METHOD:COUNT:SEED`` (ValueError as for `sampling`)."""
+    """Parse a `Sampling` from ``METHOD:COUNT`` or ``METHOD:COUNT:SEED``."""
     method, *numbers = text.split(":")
     if len(numbers) not in (1, 2):
         raise ValueError(f"--sample {text}: give METHOD:COUNT or METHOD:COUNT:SEED, with METHOD one of "
                          f"{', '.join(SAMPLERS)}")
+    if method not in SAMPLERS:
+        raise ValueError(f"--sample {text}: {method!r} is unknown; choose one of {', '.join(SAMPLERS)}")
     count, seed = (*map(read_scalar, numbers), 0)[:2]
-    return sampling(method, count, seed)
+    points = whole_number("--sample: count", count, 1, MOST_SAMPLES)
+    if method == "sobol" and points & (points - 1):
+        less = 1 << (points.bit_length() - 1)
+        raise ValueError(f"--sample {text}: {points} points of sobol are not spread evenly; give {less} or {2 * less}")
+    return Sampling(method, points, whole_number("--sample: seed", seed, 0, 2**63 - 1))
 
 
 def ends_at(values: Mapping[str, Sequence[Value]], at: int) -> list[str]:
@@ -192,23 +185,6 @@ def _axis(name: str, parameters: Sequence[Parameter], values: Sequence[object]) 
         twice = next(value for k, value in enumerate(checked) if value in checked[:k])
         raise ValueError(f"{name}: {twice!r} is given twice; keep one")
     return Axis(name, checked)
-
-
-def _grid_or_range(name: str, parameters: Sequence[Parameter], low: object, high: object, count: object,
-                   scale: object) -> Axis | Range:
-    if not isinstance(parameters[0].default, float):
-        raise ValueError(f"{name}: is {parameters[0].type_name}, which has no range; list its values")
-    if scale not in ("linear", LOG):
-        raise ValueError(f"{name}: scale {scale!r} is unknown; choose one of linear, {LOG}")
-    first, last = _checked(parameters, low), _checked(parameters, high)
-    if not first < last:
-        raise ValueError(f"{name}: from {first:g} to {last:g} is no range; give the smaller number first")
-    if scale == LOG and first <= 0.0:
-        raise ValueError(f"{name}: {first:g} has no logarithm; begin above 0, or give no {LOG}")
-    if count is None:
-        return Range(name, first, last, scale == LOG)
-    values = whole_number(f"{name}: count", count, 2, MOST_VALUES)
-    return _axis(name, parameters, values_at_shares(first, last, scale == LOG, np.linspace(0.0, 1.0, values)).tolist())
 
 
 def _checked(parameters: Sequence[Parameter], value: object) -> Any:

@@ -32,7 +32,7 @@ message, or asks for a lost acknowledgement, only after 3 s by itself, but with 
 seconds in all, because `ros2 launch` kills a program 5 s after its SIGTERM."""
 
 
-class Commands:
+class PageCommands:
     """Publishes and follows the commands of one robot, in the executor's thread, by the clock `now` [s].
 
     `in_force` has the commands [SI] of this run that are in effect, by topic. A missing command was not sent, or is not

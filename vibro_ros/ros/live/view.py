@@ -39,7 +39,7 @@ from vibro_ros.model.parameters import Parameter, checked_parameters
 from vibro_ros.process.entry_point import Parser, StopRequest, exit_code
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
-from vibro_ros.ros.live.commands import RETURN_TIMEOUT, Commands
+from vibro_ros.ros.live.commands import RETURN_TIMEOUT, PageCommands
 from vibro_ros.ros.live.robot import LiveRobot, RobotStatus
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments
@@ -199,7 +199,7 @@ class LivePage:
 
     def __init__(self, node: GuardedNode, robot: str):
         self._node, self._name = node, robot
-        self._commands, self._requests = Commands(node), Requests(node, robot)
+        self._commands, self._requests = PageCommands(node), Requests(node, robot)
         self._robot_status = RobotStatus(node, robot)
         self._robot = LiveRobot(node, robot)  # last: a robot that answers it has discovered all clients
         self._history, self._requested = History(), deque[tuple[int, Request]](maxlen=MOST_REQUESTED)

@@ -31,9 +31,9 @@ def own_arguments(words: Sequence[str], table: Iterable[Parameter] = ()) -> list
     ValueError for an option of ROS, a parameter of `table` or a remapping outside of these parts; the message says how
     to write it.
     """
-    own = [word for word, for_ros in _marked(words) if not for_ros and word != "--"]
+    program_words = [word for word, for_ros in _marked(words) if not for_ros and word != "--"]
     parameters = {parameter.name for parameter in table}
-    for word, value in zip(own, [*own[1:], ""], strict=False):
+    for word, value in zip(program_words, [*program_words[1:], ""], strict=False):
         if word in (*OVERRIDE, *REMAP, FILE):
             raise ValueError(f"{word}: is an option of ROS; write --ros-args before it, such as --ros-args {word} "
                              f"{EXAMPLES[word]}")
@@ -44,7 +44,7 @@ def own_arguments(words: Sequence[str], table: Iterable[Parameter] = ()) -> list
         if ":=" in word:
             how = f"-r {word}" if name.startswith("__") else f"-p {word} for a parameter, -r {word} for another name"
             raise ValueError(f"{word}: is an argument of ROS; write --ros-args {how}")
-    return own
+    return program_words
 
 
 def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
@@ -113,7 +113,7 @@ def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def with_user_paths(words: Sequence[str]) -> list[str]:
     """Return the words with `~` expanded in the paths of parameter files, which rcl reads as they are written."""
-    return [str(user_path(word)) if before == FILE else word for before, word in zip(("", *words), words, strict=False)]
+    return [str(user_path(word)) if option == FILE else word for option, word in zip(("", *words), words, strict=False)]
 
 
 def _marked(words: Sequence[str]) -> Iterator[tuple[str, bool]]:

@@ -58,8 +58,8 @@ class GuardedNode(Node):
         self.refusals = Refusals(self.get_logger)
         self.clock_heard = False
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
-        for own, meaning in FIXED_OF_RCLPY.items():
-            _make_read_only(self, own, meaning)
+        for parameter, meaning in FIXED_OF_RCLPY.items():
+            _make_read_only(self, parameter, meaning)
 
     def declare_parameters(self, namespace: str, parameters: Any, ignore_override: bool = False) -> list[Parameter]:
         """As in `Node`; a value that is an empty list, which rclpy refuses without the parameter's name, is named."""
@@ -122,10 +122,10 @@ class GuardedNode(Node):
 
     def _set_parameters(self, name: str, request: Any, response: Any) -> Any:
         """Set all parameters of a request, or none; a read-only parameter may be given its present value."""
-        reasons = [set_refusal(self, one) for one in request.parameters]
+        reasons = [set_refusal(self, parameter) for parameter in request.parameters]
         refused = next(filter(None, reasons), "")
         if not refused:
-            changes = [change for one in request.parameters if (change := change_of(self, one))]
+            changes = [change for parameter in request.parameters if (change := change_of(self, parameter))]
             result = self.set_parameters_atomically(changes) if changes else SetParametersResult(successful=True)
             refused = "" if result.successful else result.reason
         if refused:
@@ -198,11 +198,11 @@ def installed_type(package: str, kind: str, name: str) -> Any:
     `kind` is the package's module, such as `srv` or `action`.
     """
     try:
-        found = getattr(import_module(f"{package}.{kind}"), name)
-        check_for_type_support(found)
+        interface = getattr(import_module(f"{package}.{kind}"), name)
+        check_for_type_support(interface)
     except (ImportError, AttributeError, NoTypeSupportImportedException):
         return None
-    return found
+    return interface
 
 
 class NextTurn:
@@ -227,7 +227,7 @@ def _make_read_only(node: Node, name: str, meaning: str) -> None:
 
 def _fault(request: Any) -> str:
     """Return why a request of any service is malformed; empty if it is not."""
-    parameters = [one.name for one in getattr(request, "parameters", ())]
+    parameters = [parameter.name for parameter in getattr(request, "parameters", ())]
     names = [*parameters, *getattr(request, "names", ()), *getattr(request, "prefixes", ())]
     if len(names) > MOST_NAMES:
         return f"{len(names)} names in one request; give at most {MOST_NAMES}"

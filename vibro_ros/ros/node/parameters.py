@@ -19,7 +19,7 @@ from vibro_ros.ros.node.refusals import peer_text
 
 TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
 """Table of all parameters of the robot."""
-_TYPES = frozenset(one.value for one in ParameterOfRclpy.Type)
+_TYPES = frozenset(kind.value for kind in ParameterOfRclpy.Type)
 _MAY_BE_NUMBERS = (ParameterOfRclpy.Type.INTEGER, ParameterOfRclpy.Type.STRING)
 
 

@@ -124,11 +124,11 @@ def _woken_by_signals(node: GuardedNode) -> Iterator[None]:
 
     thread = Thread(target=listen, name="signals", daemon=True)
     thread.start()
-    before = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+    earlier_descriptor = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
     try:
         yield
     finally:
-        signal.set_wakeup_fd(before)
+        signal.set_wakeup_fd(earlier_descriptor)
         sender.shutdown(socket.SHUT_WR)  # ends the thread even if a child process has inherited the socket
         thread.join()
         sender.close()
@@ -245,8 +245,8 @@ def _held_output() -> Iterator[list[str]]:
 def _sentence(line: str) -> str:
     """Return the sentence of a log line of Fast DDS, rmw or rcutils; empty for a line of another form."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", line)
-    found = re.match(r"[-0-9:. ]*(?:\[[^]]*\][: ]*)+(.+?)(?: -> Function .*|, at /.*)?$", plain)
-    return found[1] if found else ""
+    match = re.match(r"[-0-9:. ]*(?:\[[^]]*\][: ]*)+(.+?)(?: -> Function .*|, at /.*)?$", plain)
+    return match[1] if match else ""
 
 
 def _reason_of(error: Exception, said: Sequence[str]) -> str:

@@ -72,12 +72,12 @@ def _value(name: str, message: ParameterValue) -> Any:
 class SceneReader:
     """Asks a robot for its parameters, repeatedly until it answers; `reading` is true until then.
 
-    Requests are sent in the thread of the node's executor. `found` is called with the settings, or with the reason in
-    words why there are none.
+    Requests are sent in the thread of the node's executor. `answered` is called with the settings, or with the reason
+    in words why there are none.
     """
 
-    def __init__(self, node: Node, robot: str, found: Callable[[Settings | str], object]):
-        self._found = found
+    def __init__(self, node: Node, robot: str, answered: Callable[[Settings | str], object]):
+        self._answered = answered
         self._list = node.create_client(ListParameters, f"{robot}/list_parameters")
         self._get = node.create_client(GetParameters, f"{robot}/get_parameters")
         self._request: Future | None = None
@@ -114,11 +114,11 @@ class SceneReader:
                 check_names(future.result().result.names)
                 self._listed = True
                 return
-            found: Settings | str = settings_of(future.result().values)
+            answer: Settings | str = settings_of(future.result().values)
         except ValueError as error:
-            found = one_line(error, 300)
+            answer = one_line(error, 300)
         self.reading = False
-        self._found(found)
+        self._answered(answer)
 
     def _forget(self) -> None:
         """Drop the pending request, here and in the client."""
