@@ -122,6 +122,28 @@ def test_a_model_that_lacks_an_effect_is_rejected_in_words_that_name_it(tmp_path
     assert "odom.body" in found.verdict and remedy in found.verdict.partition("try effects")[2], found.verdict
 
 
+RIGID = {f"effects.{side}_contact": "restitution" for side in ("upper", "inclined")}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "wrong", "more", "words"), [
+    ("viscous", {"ground.viscous_friction": 0.0}, (), "viscous"), ("dragged", {"ground.drag": 0.0}, (), "drag"),
+    ("device", {"effects.normal_force": "weight"}, (), ""), ("damped", RIGID, ("upper.plate.restitution",), "")],
+    ids=["viscous", "drag", "weight", "contact"])
+def test_a_wrong_model_of_a_recording_with_every_fault_is_rejected_in_words_that_name_the_evidence(
+        tmp_path, robot, wrong, more, words):
+    """Neither jitter nor noise of another size takes the blame, and the residuals that speak are the body's."""
+    record = laboratory()
+    from laboratory import Faults
+    made = record(tmp_path / "bag", robot, seed=1, duration=1.5, faults=Faults(
+        jitter=3e-4, late={"odom": 0.003}, outliers=0.02, lost=0.1, stated=0.33, begins_in_motion=0.5))
+    scene = made.truth.with_parameters(wrong | {name: made.scene[name] for name in FREE})
+    found = identify(made.bag, scene, (*FREE, *more), workers=1)
+    assert found.p_value < 1e-3 and found.verdict.startswith("the model does not fit"), found.verdict
+    assert "The residuals of odom.body_" in found.verdict
+    assert words in found.verdict.partition("try effects")[2], found.verdict
+
+
 @pytest.mark.slow
 def test_a_laboratory_recording_tells_all_thirteen_from_the_defaults(tmp_path):
     made = laboratory()(tmp_path / "bag", "damped", seed=1)

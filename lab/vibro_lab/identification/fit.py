@@ -165,7 +165,7 @@ class Fitting:
         shooting = self._shooting(half_turns[0] if half_turns else chain(self.stretches, settings.chain))
         candidates = [*(half_turns[1:] if half_turns else ()), *self._candidates(shooting, parameters)]
         at = self._begun(shooting, parameters, candidates)
-        shooting.prior = self._prior(parameters)
+        shooting.prior, shooting.is_coarse = self._prior(parameters), half_turns is not None
         if self._unseen:
             at = self._begun_unseen(shooting, at)
         for looseness in settings.chain_loosenesses[-1:] if self._unseen else settings.chain_loosenesses:
@@ -194,8 +194,11 @@ class Fitting:
         errors = self.nuisances.errors(at.parameters[count:])
         for sensor, offset in self._offsets.items():
             errors[sensor, "offset"] = errors.get((sensor, "offset"), 0.0) + offset
-        return Fit(self.unknowns, self.nuisances, shooting, at, shooting.jacobian(at), self._passes + shooting.passes,
-                   white, colours, errors, self._jitters)
+        jacobian = shooting.jacobian(at)
+        if shooting.is_coarse:
+            shooting.left_out |= shooting.jumps(at, jacobian)
+        return Fit(self.unknowns, self.nuisances, shooting, at, jacobian, self._passes + shooting.passes, white,
+                   colours, errors, self._jitters)
 
     def _of_state(self) -> list[Channel]:
         """Return the channels that tell positions of the body and the masses, the least noisy of each."""

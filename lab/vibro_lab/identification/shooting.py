@@ -110,6 +110,9 @@ class Shooting:
     left_out : ndarray of bool, shape (windows,)
         Windows that do not count, because their motion jumps: it depends on its start by more than differences tell,
         as where a mass grazes a plate or rattles to rest.
+    is_coarse : bool
+        Whether samples are so far apart that windows are asked for `jumps` at each new set of derivatives. Near samples
+        lie within blows, which look like jumps and are none.
     """
 
     def __init__(self, windows: Windows, simulate: Callable[[np.ndarray, np.ndarray], Pass | None], workers: int = 1):
@@ -119,6 +122,7 @@ class Shooting:
         self.prior: tuple[np.ndarray, np.ndarray] | None = None
         self.left_out = np.zeros(len(windows.spans), bool)
         self.limits: Sequence[tuple[np.ndarray, float, float]] = ()
+        self.is_coarse = False
 
     def with_limit(self, direction: np.ndarray, low: float, high: float) -> "Shooting":
         """Return a shooting through the same windows with one limit more, whose passes count from 0."""
@@ -151,6 +155,22 @@ class Shooting:
         found = [future.result() for _, future in in_processes(difference, columns, self._workers)]
         residuals, ends = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
         return Jacobian(residuals[:, :count], residuals[:, count:], ends[..., :count], ends[..., count:])
+
+    def jumps(self, at: Point, jacobian: Jacobian) -> np.ndarray:
+        """Return which windows, shape (windows,), change otherwise than the derivatives say where the parameters go as
+        little the other way: a jump within the difference would count as ten thousand times the information there is.
+        """
+        step = np.full(len(at.parameters), -_STEP)
+        there = self.point(at.parameters + step, at.states)
+        if there is None:
+            return np.zeros(len(at.states), bool)
+
+        change, promised = there.found.residuals - at.found.residuals, jacobian.residuals @ step
+        squares = [np.bincount(self.windows.window, part**2, len(at.states)) for part in (change - promised, promised)]
+        ends = jacobian.ends @ step / self.widths
+        beside = (there.found.ends - at.found.ends) / self.widths - ends
+        return (squares[0] > _JUMP**2 * squares[1]) | (
+            np.sum(beside**2, axis=1) > _JUMP**2 * np.sum(ends**2, axis=1))
 
     def losses(self, at: Point, looseness: float) -> tuple[np.ndarray, np.ndarray]:
         """Return rho of each residual, and the weight of its square in the Gauss-Newton equations."""
@@ -221,7 +241,10 @@ class Shooting:
         damping = 1e-3
         for _ in range(most):
             fresh = jacobian is None
-            jacobian = jacobian or self.jacobian(at)
+            if jacobian is None:
+                jacobian = self.jacobian(at)
+                if self.is_coarse and not looseness:
+                    self._leave_out(self.jumps(at, jacobian))
             before = self.misfit(at, looseness, width)
             little = max(_LITTLE, enough * before)
             for chord in range(_CHORDS):
@@ -244,8 +267,9 @@ class Shooting:
         step would lower it; and the damping to go on with. Only `fresh` derivatives, those of the point itself, tell
         what jumps, and are worth more than one step. A step that would win less than `little` tells nothing of jumps,
         because it is spoilt by much smaller ones."""
-        misfit, first = self.misfit(at, looseness, width), np.inf
+        first = np.inf
         for _ in range(_TRIES if fresh else 1):
+            misfit = self.misfit(at, looseness, width)  # of the windows that are not left out by now
             step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
             there = step and self.point(at.parameters + step[0], at.states + step[1])
             jumped = np.zeros(len(self.left_out), bool)
