@@ -156,7 +156,8 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            f"{name} = {NAME}.process.entry_point:{name}" for name, one in EXECUTABLES.items() if one.installed
+            f"{name} = {NAME}.process.entry_point:{name}"
+            for name, executable in EXECUTABLES.items() if executable.installed
         ],
     },
 )

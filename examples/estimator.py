@@ -18,8 +18,9 @@ _UNITS = np.array([100.0, 5.0, 10.0, 50.0, 50.0, 0.01, 0.01])  # of the features
 
 def features(measurements):
     """Return features of a window's measurements: numbers of magnitude 1, their squares and products; shape (36,)."""
-    force = np.array([one.values[:3:2] for one in measurements if one.sensor == "imu"])  # along x and z
-    crank = np.mean([one.values[1] for one in measurements if one.sensor == "encoder"])
+    force = np.array([measurement.values[:3:2] for measurement in measurements  # along x and z
+                      if measurement.sensor == "imu"])
+    crank = np.mean([measurement.values[1] for measurement in measurements if measurement.sensor == "encoder"])
     values = np.array([1.0, *np.concatenate([[crank], force.mean(axis=0), force.std(axis=0),
                                            (abs(force) > LIMIT).mean(axis=0)]) / _UNITS])
     return np.outer(values, values)[np.triu_indices(len(values))]
@@ -29,7 +30,7 @@ def windows(seed, count=16):
     """Windows of a run at random motor speeds: features, shape (n, 36), integral of the force, and true speed [m/s]."""
     random = np.random.default_rng(seed)
     scene = vibro_ros.load_scene("device").with_parameters({**SENSORS, "sensors.seed": float(seed)})
-    device, found = vibro_ros.SensedSimulator(scene), []
+    device, rows = vibro_ros.SensedSimulator(scene), []
     for _ in range(count):
         device.command(motor_speed=random.uniform(40.0, 150.0))
         device.advance_to(device.time + 1.5)  # until the motion is steady
@@ -37,9 +38,10 @@ def windows(seed, count=16):
         place = device.state.body_position
         device.advance_to(device.time + WINDOW)
         measurements = device.take_measurements()
-        integral = np.mean([one.values[0] for one in measurements if one.sensor == "imu"]) * WINDOW
-        found.append((features(measurements), integral, (device.state.body_position - place) / WINDOW))
-    return map(np.array, zip(*found, strict=True))
+        accelerations = [measurement.values[0] for measurement in measurements if measurement.sensor == "imu"]
+        integral = np.mean(accelerations) * WINDOW
+        rows.append((features(measurements), integral, (device.state.body_position - place) / WINDOW))
+    return map(np.array, zip(*rows, strict=True))
 
 
 def learned(seeds):
@@ -55,8 +57,8 @@ def main():
     estimates = values @ weights
     for estimate, speed in list(zip(estimates, speeds, strict=True))[:5]:
         print(f"estimated {estimate * 1e3:6.1f} mm/s, truth {speed * 1e3:6.1f} mm/s")
-    for name, found in (("mean speed", speeds.mean()), ("integral", integral), ("estimator", estimates)):
-        print(f"{name:10}: rms error {np.sqrt(np.mean((found - speeds) ** 2)) * 1e3:.1f} mm/s")
+    for name, estimated in (("mean speed", speeds.mean()), ("integral", integral), ("estimator", estimates)):
+        print(f"{name:10}: rms error {np.sqrt(np.mean((estimated - speeds) ** 2)) * 1e3:.1f} mm/s")
 
 
 if __name__ == "__main__":

@@ -34,17 +34,17 @@ class Controller:
 def errors(controller, duration=30.0, seed=0.0):
     """True distances [m] from the target at the end of each period; and how many measurements there were."""
     scene = vibro_ros.load_scene("device").with_parameters({**SENSORS, "sensors.seed": seed})
-    device, found, count = vibro_ros.SensedSimulator(scene), [], 0
+    device, distances, count = vibro_ros.SensedSimulator(scene), [], 0
     for k in range(round(duration / PERIOD)):
         measurements = device.take_measurements()
         count += len(measurements)
         device.command(motor_speed=controller.motor_speed(k * PERIOD, measurements))
         device.advance_to((k + 1) * PERIOD)
-        found.append(device.state.body_position - TARGET * device.time)
-    return found, count
+        distances.append(device.state.body_position - TARGET * device.time)
+    return distances, count
 
 
 if __name__ == "__main__":
-    found, count = errors(Controller())
-    print(f"{count} of 300 measurements came; from 5 s on at most {max(map(abs, found[50:])) * 1e3:.1f} mm from the "
-          f"target, which went {abs(TARGET) * 30.0:.1f} m")
+    distances, count = errors(Controller())
+    print(f"{count} of 300 measurements came; from 5 s on at most {max(map(abs, distances[50:])) * 1e3:.1f} mm from "
+          f"the target, which went {abs(TARGET) * 30.0:.1f} m")

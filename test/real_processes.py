@@ -24,6 +24,14 @@ CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false"
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
 
 
+def wait_until(done: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
+    """Wait until a condition holds that this process need do nothing for."""
+    deadline = time.monotonic() + patience
+    while not done():
+        assert time.monotonic() < deadline, f"{what}: not within {patience} s"
+        time.sleep(0.002)
+
+
 class Executable:
     """A running executable of the package, or Python with other arguments, and its output."""
 
@@ -105,7 +113,8 @@ class Bench:
     def publishers(self, kinds: Mapping[str, type], depth: int = 10) -> dict[str, Publisher]:
         """Return a publisher of each topic, whose types are given, once each has a subscriber."""
         made = {topic: self.node.create_publisher(kind, topic, depth) for topic, kind in kinds.items()}
-        self.spin_until(lambda: all(one.get_subscription_count() for one in made.values()), f"subscribers of {[*made]}")
+        self.spin_until(lambda: all(publisher.get_subscription_count() for publisher in made.values()),
+                        f"subscribers of {[*made]}")
         return made
 
     def close(self) -> None:

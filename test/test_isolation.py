@@ -6,12 +6,11 @@ import shutil
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from real_processes import wait_until
 
 SET_UP = Path(__file__).with_name("every_test.py")
 
@@ -28,14 +27,6 @@ def command_of(pid: int) -> str:
     return file.read_text() if file.exists() else ""
 
 
-def wait_until(predicate: Callable[[], bool], patience: float = 10.0) -> bool:
-    """Wait until a predicate is true, at most `patience` seconds, and return its value."""
-    deadline = time.monotonic() + patience
-    while not predicate() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    return predicate()
-
-
 def run_session(folder: Path, body: str) -> subprocess.CompletedProcess:
     """Run a test session of one test with this set-up."""
     shutil.copy(SET_UP, folder / "conftest.py")
@@ -50,4 +41,4 @@ def test_orphan_is_found_named_and_ended(tmp_path):
     pid = int((tmp_path / "pid").read_text())
     assert done.returncode != 0
     assert f"{pid} 'sleep 987' started in test_planted.py::test_planted" in done.stdout
-    assert wait_until(lambda: command_of(pid) == "")
+    wait_until(lambda: command_of(pid) == "", "the orphan's end")

@@ -104,8 +104,8 @@ def _address(program: str, process: subprocess.Popen, log: Path) -> str:
     while time.monotonic() < deadline:
         ended = process.poll() is not None
         text = log.read_text(errors="replace")
-        if found := _LISTENING.search(text):
-            return found[1]
+        if listening := _LISTENING.search(text):
+            return listening[1]
         if ended:
             break
         time.sleep(0.01)
@@ -194,7 +194,7 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--output", type=Path, default=Path("docs"), metavar="DIR",
                         help="where view.png and view_live.png are written (default: %(default)s)")
     output = parser.parse_args(words).output
-    with running(browser_program()) as own, Session(own) as session, shown_robot() as address:
+    with running(browser_program()) as browser_address, Session(browser_address) as session, shown_robot() as address:
         page = session.page()
         page.goto(address)
         wait_for(page, _SHOWN)

@@ -134,9 +134,9 @@ def _look(words: Sequence[str]) -> int:
         if not stop:
             ended = view if view.exit_code is not None else robot
             raise DemoError(f"{ended.name} has ended with exit code {ended.stop()}; it says why above")
-        for one in (view, robot):
-            if one.stop():
-                raise DemoError(f"{one.name} did not end well, exit code {one.exit_code}; it says why above")
+        for child in (view, robot):
+            if child.stop():
+                raise DemoError(f"{child.name} did not end well, exit code {child.exit_code}; it says why above")
     return 0
 
 
@@ -195,8 +195,8 @@ def _say(text: object, name: str = "demo") -> None:
 
 def _shown(path: Path) -> Path:
     """Return `path`, relative if it lies below the current folder."""
-    here, path = Path.cwd(), Path(path).resolve()
-    return path.relative_to(here) if path.is_relative_to(here) else path
+    current, path = Path.cwd(), Path(path).resolve()
+    return path.relative_to(current) if path.is_relative_to(current) else path
 
 
 def _parser() -> Parser:

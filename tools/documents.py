@@ -131,7 +131,7 @@ def main(words: Sequence[str]) -> int:
 def stale() -> list[str]:
     """Return the names of the documents whose fingerprints have changed since they were made."""
     return [name for name, document in DOCUMENTS.items() if document.measured
-            and found_in((ROOT / document.page).read_text(encoding="utf-8"), name) != fingerprint(document)]
+            and stored_fingerprint((ROOT / document.page).read_text(encoding="utf-8"), name) != fingerprint(document)]
 
 
 def make(names: Sequence[str]) -> int:
@@ -200,8 +200,8 @@ def _begins(number: str) -> Iterator[tuple[str, str]]:
     for file in sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]:
         words = file.relative_to(PACKAGES[module.partition(".")[0]].parent).with_suffix("").parts
         dotted = ".".join(words[:-1] if words[-1] == "__init__" else words)
-        if found := module_of(dotted):
-            yield from ((dotted, defined) for defined in found.definitions)
+        if whole := module_of(dotted):
+            yield from ((dotted, defined) for defined in whole.definitions)
 
 
 @dataclass(frozen=True)
@@ -287,10 +287,10 @@ def _is_docstring(node: object) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
-def found_in(page: str, name: str) -> str:
+def stored_fingerprint(page: str, name: str) -> str:
     """Return the fingerprint of a document on its page; empty if the page has none."""
-    found = re.search(rf"^<!-- {name}: made from sources ([0-9a-f]+) -->$", page, re.MULTILINE)
-    return found[1] if found else ""
+    mark = re.search(rf"^<!-- {name}: made from sources ([0-9a-f]+) -->$", page, re.MULTILINE)
+    return mark[1] if mark else ""
 
 
 def marked(page: str, name: str, digest: str) -> str:

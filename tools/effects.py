@@ -38,8 +38,8 @@ HEADS = ("effect", *_COUNTS, "cost", "motions without it", "motions with it")
 
 
 @dataclass(frozen=True)
-class Effect:
-    """An effect of a shipped scene, with its name in the table, and the parameters that remove it.
+class SceneEffect:
+    """An effect of a shipped scene: a row of the table, with the parameters that remove the effect.
 
     The parameters `without` remove it, or replace it by a simpler choice; the parameters `given` add it to a scene that
     does not have it.
@@ -57,49 +57,52 @@ class Effect:
 
 
 EFFECTS = (
-    Effect("upper mass", {"effects.upper_mass": False}),
-    Effect("inclined mass", {"effects.inclined_mass": False}),
-    Effect("upper plate", {"effects.upper_contact": "none"}),
-    Effect("inclined plate", {"effects.inclined_contact": "none"}),
-    Effect("compliant plates, not rigid ones of their restitution in flight",
-           {"effects.upper_contact": "restitution", "upper.plate.restitution": 0.853,
-            "effects.inclined_contact": "restitution", "inclined.plate.restitution": 0.839}),
-    Effect("plates that cannot pull", {"effects.adhesion": True}),
-    Effect("dampers of the plates", {"upper.plate.damping": 0.0, "inclined.plate.damping": 0.0}),
-    Effect("dampers of the drives", {"upper.spring.damping": 0.0, "inclined.spring.damping": 0.0}),
-    Effect("friction", {"effects.friction": "none"}),
-    Effect("static friction, twice the kinetic", {"effects.friction": "coulomb"},
-           {"effects.friction": "static", "ground.static_friction": 0.4}),
-    Effect("`hop`, not `unilateral`", {"effects.normal_force": "unilateral"}),
-    Effect("`hop`, not `weight`", {"effects.normal_force": "weight"}),
-    Effect("friction twice as large backwards", {"ground.friction_backward": -1.0}, {"ground.friction_backward": 0.4}),
-    Effect("slope of 0.05 rad", {"ground.slope": 0.0}, {"ground.slope": 0.05}),
-    Effect("viscous friction of 2 N s/m", {"ground.viscous_friction": 0.0}, {"ground.viscous_friction": 2.0}),
-    Effect("drag of 0.5 N", {"ground.drag": 0.0}, {"ground.drag": 0.5}),
-    Effect("landings with a restitution of 0.3", {"ground.restitution": 0.0}, {"ground.restitution": 0.3}),
-    Effect("reaction on the masses", {"effects.reaction": False}),
-    Effect("10 g on each slider", {"mass.upper_slider": 0.0, "mass.inclined_slider": 0.0},
-           {"mass.upper_slider": 0.01, "mass.inclined_slider": 0.01}),
-    Effect("10 g on the crank pin", {"mass.crank_pin": 0.0}, {"mass.crank_pin": 0.01}),
-    Effect("weight of the masses", {"effects.mass_weight": False}),
-    Effect("`ramp` motor, not `ideal`", {"effects.motor": "ideal"}),
-    Effect("`lag` motor, not `ideal`", {"effects.motor": "ideal"}, {"effects.motor": "lag"}),
-    Effect("starts about `zero`, not about `rest`", {"start.state": "rest"}, {"start.state": "zero"}),
-    Effect("starts thrown forwards and up (`given`), not about `rest`", {"start.state": "rest"},
-           {"start.state": "given", "start.body_velocity": 0.2, "start.body_vertical_velocity": 0.2,
-            "start.upper_position": 0.06, "start.inclined_position": 0.06}),
-    Effect("Stribeck's friction, from twice the kinetic, not Coulomb's", {"effects.friction": "coulomb"},
-           {"effects.friction": "stribeck", "ground.static_friction": 0.4}, "damped"),
-    Effect("`printed`, not `unilateral`", {"effects.normal_force": "unilateral"},
-           {"effects.normal_force": "printed"}, "damped"),
-    Effect("the paper's misprint, taken literally", {"effects.misprint": False}, {"effects.misprint": True}, "damped"),
-    Effect("`unilateral`, not `weight`", {"effects.normal_force": "weight"}, scene="damped"),
-    Effect("`dc` motor, not `ramp`", {"effects.motor": "ramp"}, scene="machine"),
-    Effect("friction of the motor's bearing", {"motor.friction": 0.0, "motor.static_friction": 0.0}, scene="machine"),
-    Effect("inductance of the winding", {"motor.winding_inductance": 0.0}, {"motor.winding_inductance": 2.81e-4},
-           "machine"),
-    Effect("10 g on each slider, moved by that motor", {"mass.upper_slider": 0.0, "mass.inclined_slider": 0.0},
-           scene="machine"),
+    SceneEffect("upper mass", {"effects.upper_mass": False}),
+    SceneEffect("inclined mass", {"effects.inclined_mass": False}),
+    SceneEffect("upper plate", {"effects.upper_contact": "none"}),
+    SceneEffect("inclined plate", {"effects.inclined_contact": "none"}),
+    SceneEffect("compliant plates, not rigid ones of their restitution in flight",
+                {"effects.upper_contact": "restitution", "upper.plate.restitution": 0.853,
+                 "effects.inclined_contact": "restitution", "inclined.plate.restitution": 0.839}),
+    SceneEffect("plates that cannot pull", {"effects.adhesion": True}),
+    SceneEffect("dampers of the plates", {"upper.plate.damping": 0.0, "inclined.plate.damping": 0.0}),
+    SceneEffect("dampers of the drives", {"upper.spring.damping": 0.0, "inclined.spring.damping": 0.0}),
+    SceneEffect("friction", {"effects.friction": "none"}),
+    SceneEffect("static friction, twice the kinetic", {"effects.friction": "coulomb"},
+                {"effects.friction": "static", "ground.static_friction": 0.4}),
+    SceneEffect("`hop`, not `unilateral`", {"effects.normal_force": "unilateral"}),
+    SceneEffect("`hop`, not `weight`", {"effects.normal_force": "weight"}),
+    SceneEffect("friction twice as large backwards", {"ground.friction_backward": -1.0},
+                {"ground.friction_backward": 0.4}),
+    SceneEffect("slope of 0.05 rad", {"ground.slope": 0.0}, {"ground.slope": 0.05}),
+    SceneEffect("viscous friction of 2 N s/m", {"ground.viscous_friction": 0.0}, {"ground.viscous_friction": 2.0}),
+    SceneEffect("drag of 0.5 N", {"ground.drag": 0.0}, {"ground.drag": 0.5}),
+    SceneEffect("landings with a restitution of 0.3", {"ground.restitution": 0.0}, {"ground.restitution": 0.3}),
+    SceneEffect("reaction on the masses", {"effects.reaction": False}),
+    SceneEffect("10 g on each slider", {"mass.upper_slider": 0.0, "mass.inclined_slider": 0.0},
+                {"mass.upper_slider": 0.01, "mass.inclined_slider": 0.01}),
+    SceneEffect("10 g on the crank pin", {"mass.crank_pin": 0.0}, {"mass.crank_pin": 0.01}),
+    SceneEffect("weight of the masses", {"effects.mass_weight": False}),
+    SceneEffect("`ramp` motor, not `ideal`", {"effects.motor": "ideal"}),
+    SceneEffect("`lag` motor, not `ideal`", {"effects.motor": "ideal"}, {"effects.motor": "lag"}),
+    SceneEffect("starts about `zero`, not about `rest`", {"start.state": "rest"}, {"start.state": "zero"}),
+    SceneEffect("starts thrown forwards and up (`given`), not about `rest`", {"start.state": "rest"},
+                {"start.state": "given", "start.body_velocity": 0.2, "start.body_vertical_velocity": 0.2,
+                 "start.upper_position": 0.06, "start.inclined_position": 0.06}),
+    SceneEffect("Stribeck's friction, from twice the kinetic, not Coulomb's", {"effects.friction": "coulomb"},
+                {"effects.friction": "stribeck", "ground.static_friction": 0.4}, "damped"),
+    SceneEffect("`printed`, not `unilateral`", {"effects.normal_force": "unilateral"},
+                {"effects.normal_force": "printed"}, "damped"),
+    SceneEffect("the paper's misprint, taken literally", {"effects.misprint": False}, {"effects.misprint": True},
+                "damped"),
+    SceneEffect("`unilateral`, not `weight`", {"effects.normal_force": "weight"}, scene="damped"),
+    SceneEffect("`dc` motor, not `ramp`", {"effects.motor": "ramp"}, scene="machine"),
+    SceneEffect("friction of the motor's bearing", {"motor.friction": 0.0, "motor.static_friction": 0.0},
+                scene="machine"),
+    SceneEffect("inductance of the winding", {"motor.winding_inductance": 0.0}, {"motor.winding_inductance": 2.81e-4},
+                "machine"),
+    SceneEffect("10 g on each slider, moved by that motor", {"mass.upper_slider": 0.0, "mass.inclined_slider": 0.0},
+                scene="machine"),
 )
 
 
@@ -129,26 +132,26 @@ def size(scene: Scene) -> Size:
 def motions(scene: Scene) -> str:
     """Text of the mean speeds [mm/s] of the motions that `STARTS` random starts lead to; if several, with their starts.
     """
-    found = vibro_lab.attractors(scene.with_parameters({"motor.speed": SPEED}), STARTS).drawn
-    speeds = [one.mean_speed for one in found]
+    drawn = vibro_lab.attractors(scene.with_parameters({"motor.speed": SPEED}), STARTS).drawn
+    speeds = [attractor.mean_speed for attractor in drawn]
     if max(map(abs, speeds)) > _RUNS_AWAY:
         return "runs away"
-    if len(found) > _MOST_NAMED:
-        return f"{len(found)} motions, {min(speeds) * 1e3:+.1f} to {max(speeds) * 1e3:+.1f}"
-    cells = [_in_words(one) for one in found]
+    if len(drawn) > _MOST_NAMED:
+        return f"{len(drawn)} motions, {min(speeds) * 1e3:+.1f} to {max(speeds) * 1e3:+.1f}"
+    cells = [_in_words(attractor) for attractor in drawn]
     return cells[0] if len(set(cells)) == 1 else ", ".join(
-        f"{cell} ({one.starts} of {STARTS})" for cell, one in zip(cells, found, strict=True))
+        f"{cell} ({attractor.starts} of {STARTS})" for cell, attractor in zip(cells, drawn, strict=True))
 
 
-def _in_words(one: Attractor) -> str:
+def _in_words(attractor: Attractor) -> str:
     """Mean speed of a motion [mm/s], with its interval; of starts that have not settled the least and the largest."""
-    if one.turns is None:
-        return f"{one.least * 1e3:+.1f} to {one.largest * 1e3:+.1f}, not settled"
-    interval = f" ± {one.spread * 1e3:.1f}" if one.spread >= 5e-5 else ""
-    return f"{round(one.mean_speed * 1e3, 1) + 0.0:+.1f}{interval}"
+    if attractor.turns is None:
+        return f"{attractor.least * 1e3:+.1f} to {attractor.largest * 1e3:+.1f}, not settled"
+    interval = f" ± {attractor.spread * 1e3:.1f}" if attractor.spread >= 5e-5 else ""
+    return f"{round(attractor.mean_speed * 1e3, 1) + 0.0:+.1f}{interval}"
 
 
-def cost_ratio(effect: Effect) -> float:
+def cost_ratio(effect: SceneEffect) -> float:
     """Median ratio of wall times with `effect` and without, run alternately, after compilation."""
     with_it, without = effect.scenes()
     _run(with_it, 1.0 / RATE)
@@ -163,21 +166,21 @@ def _run(scene: Scene, duration: float) -> None:
     device.sample(np.arange(round(duration * RATE) + 1) / RATE)
 
 
-def counted(effect: Effect) -> list[str]:
+def counted(effect: SceneEffect) -> list[str]:
     """Return the cells of a row that do not depend on runs."""
     with_it, without = map(size, effect.scenes())
     added = [getattr(with_it, name) - getattr(without, name) for name in _COUNTS]
     return [effect.name, *(f"{number:+d}" if number else "" for number in added)]
 
 
-def line(effect: Effect, cost: str) -> str:
+def line(effect: SceneEffect, cost: str) -> str:
     """Return the row of an effect in Markdown, with its motions unless they are those of the shipped scene."""
     with_it, without = effect.scenes()
     cells = [*counted(effect), cost, motions(without), motions(with_it) if effect.given else ""]
     return f"| {' | '.join(cells)} |"
 
 
-def tables(effects: Iterable[Effect], costs: Iterable[str]) -> str:
+def tables(effects: Iterable[SceneEffect], costs: Iterable[str]) -> str:
     """Return a table in Markdown for each shipped scene, from effects and the texts of their costs."""
     parts = []
     for name, rows in itertools.groupby(zip(effects, costs, strict=True), lambda row: row[0].scene):

@@ -32,14 +32,14 @@ def flywheel_table() -> str:
             "power from the supply | power to the masses |", "|---|---|---|---|---|---|"]
     machine = load_scene("machine").with_parameters({"motor.speed": SPEED})
     for inertia in INERTIAS:
-        own = " (`machine`)" if inertia == machine["motor.crank_inertia"] else ""
-        for one in measured_motions(machine.with_parameters({"motor.crank_inertia": inertia}), _MEASURES, STARTS):
-            current = one.values["current_share"] * machine["motor.continuous_current"]
-            rows.append(f"| {inertia:g}{own} | {one.in_words(STARTS)} | "
-                        f"{100 * np.ptp(one.samples.crank_speed) / SPEED:.0f} % | {current:.2f} A | "
-                        f"{one.values['supply_power']:.1f} W | {one.values['mean_power']:.1f} W |")
-    for one in measured_motions(machine.with_parameters({"effects.motor": "ramp"}), _MEASURES, STARTS):
-        rows.append(f"| motor `ramp` | {one.in_words(STARTS)} | 0 | - | - | {one.values['mean_power']:.1f} W |")
+        remark = " (`machine`)" if inertia == machine["motor.crank_inertia"] else ""
+        for motion in measured_motions(machine.with_parameters({"motor.crank_inertia": inertia}), _MEASURES, STARTS):
+            current = motion.values["current_share"] * machine["motor.continuous_current"]
+            rows.append(f"| {inertia:g}{remark} | {motion.in_words(STARTS)} | "
+                        f"{100 * np.ptp(motion.samples.crank_speed) / SPEED:.0f} % | {current:.2f} A | "
+                        f"{motion.values['supply_power']:.1f} W | {motion.values['mean_power']:.1f} W |")
+    for motion in measured_motions(machine.with_parameters({"effects.motor": "ramp"}), _MEASURES, STARTS):
+        rows.append(f"| motor `ramp` | {motion.in_words(STARTS)} | 0 | - | - | {motion.values['mean_power']:.1f} W |")
     return "\n".join(rows)
 
 
@@ -63,7 +63,8 @@ def sommerfeld_table() -> str:
     """Speeds upwards and downwards, and a sentence on where they jump."""
     up, down = sommerfeld_speeds()
     rows = ["| voltage [V] | going up [rad/s] | going down [rad/s] |", "|---|---|---|"]
-    rows += [f"| {voltage} | {one:.0f} | {other:.0f} |" for voltage, one, other in zip(VOLTAGES, up, down, strict=True)]
+    rows += [f"| {voltage} | {upwards:.0f} | {downwards:.0f} |"
+             for voltage, upwards, downwards in zip(VOLTAGES, up, down, strict=True)]
     words = [f"{way} the speed jumps between {VOLTAGES[k]} and {VOLTAGES[k + 1]} V" for way, speeds in (
         ("Going up", up), ("going down", down)) for k in range(len(up) - 1) if speeds[k + 1] - speeds[k] > JUMP]
     return "\n".join([*rows, "", f"{'; '.join(words)}."])

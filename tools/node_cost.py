@@ -93,8 +93,8 @@ def parts_table(shares_of: Mapping[tuple[float, str], Sequence[float]]) -> str:
     rows = [f"| part of the robot at {PARTS_RATE:g} Hz | of a core | bare node = 1 |", "|---" * 3 + "|"]
     bare, running = (shares_of[PARTS_RATE, case] for case in (BARE, "running"))
     upto = [[0.0] * len(bare), *(shares_of[PARTS_RATE, part] for part in PARTS), running]
-    for name, (before, after) in zip((*PARTS, "the rest"), pairwise(upto), strict=True):
-        shares = [with_part - without for with_part, without in zip(after, before, strict=True)]
+    for name, (shares_without, shares_with) in zip((*PARTS, "the rest"), pairwise(upto), strict=True):
+        shares = [with_part - without for with_part, without in zip(shares_with, shares_without, strict=True)]
         ratio = statistics.median(share / of_bare for share, of_bare in zip(shares, bare, strict=True))
         rows.append(f"| {name} | {100.0 * statistics.median(shares):.1f} % | {ratio:.2f} |")
     return "\n".join(rows)
@@ -105,9 +105,9 @@ def _share(rate: float, case: str) -> float:
     with tempfile.TemporaryDirectory() as folder, Child(*_words(rate, case, folder), shown=False) as child:
         child.wait_for("ready")
         time.sleep(SETTLING)
-        begun, before = time.monotonic(), _processor_time(child)
+        begun, earlier_time = time.monotonic(), _processor_time(child)
         time.sleep(DURATION)
-        return (_processor_time(child) - before) / (time.monotonic() - begun)
+        return (_processor_time(child) - earlier_time) / (time.monotonic() - begun)
 
 
 def starts() -> str:

@@ -68,11 +68,12 @@ def try_installed(programs: Path, folder: Path) -> None:
     environment = {name: value for name, value in ros_environment().items() if name not in hidden}
     environment["PATH"] = str(programs)
     Path(folder, "script.yaml").write_text(SCRIPT, encoding="utf-8")
-    own = ["--ros-args", "-r", f"__ns:={own_namespace('package')}"]
-    print(f"package: ROS domain {environment['ROS_DOMAIN_ID']}, namespace {own[-1].removeprefix('__ns:=')}", flush=True)
-    robot = subprocess.Popen([programs / "robot", *own], cwd=folder, env=environment)
+    namespace = own_namespace("package")
+    ros_arguments = ["--ros-args", "-r", f"__ns:={namespace}"]
+    print(f"package: ROS domain {environment['ROS_DOMAIN_ID']}, namespace {namespace}", flush=True)
+    robot = subprocess.Popen([programs / "robot", *ros_arguments], cwd=folder, env=environment)
     try:
-        _run([programs / "controller", "script.yaml", *own], folder, environment)
+        _run([programs / "controller", "script.yaml", *ros_arguments], folder, environment)
     finally:
         robot.send_signal(signal.SIGINT)
         robot.wait(DEADLINE)

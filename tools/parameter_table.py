@@ -27,8 +27,8 @@ def _rows(table: Iterable[Parameter], device: Mapping[str, Value]) -> list[str]:
     heads = ["name", "default", *(["`device`"] if device else []), "unit", "allowed", "meaning"]
     rows = [heads, ["---"] * len(heads)]
     for parameter in table:
-        own = device.get(parameter.name, parameter.default)
-        in_device = [_shown(own) if own != parameter.default else ""] if device else []
+        device_value = device.get(parameter.name, parameter.default)
+        in_device = [_shown(device_value) if device_value != parameter.default else ""] if device else []
         rows.append([f"`{parameter.name}`", _shown(parameter.default), *in_device, parameter.unit,
                      _allowed(parameter), f"{parameter.description}{'; *live*' * parameter.while_running}"])
     return ["| " + " | ".join(row) + " |" for row in rows]

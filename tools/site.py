@@ -55,12 +55,13 @@ def gallery() -> str:
     """Return the page with every picture of the documents, its description and the page that explains it."""
     lines, shown = ["# Gallery", ""], set()
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
-        for found in _LINK.finditer(page.read_text(encoding="utf-8")):
-            picture = os.path.relpath(page.parent / found["path"], ROOT / "docs")
-            if found["shown"].startswith("!") and picture not in shown:
+        for link in _LINK.finditer(page.read_text(encoding="utf-8")):
+            picture = os.path.relpath(page.parent / link["path"], ROOT / "docs")
+            if link["shown"].startswith("!") and picture not in shown:
                 shown.add(picture)
-                there = os.path.relpath(page, ROOT / "docs")
-                lines += [f"{found['shown']}({picture})\n", f"{found['shown'].strip('![]')}: [{page.stem}]({there})\n"]
+                page_path = os.path.relpath(page, ROOT / "docs")
+                lines += [f"{link['shown']}({picture})\n",
+                          f"{link['shown'].strip('![]')}: [{page.stem}]({page_path})\n"]
     return "\n".join(lines)
 
 
@@ -75,8 +76,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         target = Path(os.path.normpath(source.parent / link["path"]))
         page_there = OUTSIDE.get(str(target)) or (str(target.relative_to("docs")) if target.parts[0] == "docs" else "")
         if page_there:
-            here = Path(page.file.src_uri).parent
-            return f"{link['shown']}({os.path.relpath(page_there, here)}{link['anchor'] or ''})"
+            folder = Path(page.file.src_uri).parent
+            return f"{link['shown']}({os.path.relpath(page_there, folder)}{link['anchor'] or ''})"
         if not (ROOT / target).exists():
             _log.warning("%s: the link to %s leads nowhere", source, link["path"])
         return link["shown"].strip("![]")

@@ -91,31 +91,34 @@ def distribution_rows(name: str, scene: Scene) -> list[str]:
 def motion_rows(name: str, scene: Scene, starts: int = STARTS) -> list[str]:
     """Return a row of the first table for each motion of a robot."""
     name = named(name, scene)
-    found = vibro_lab.attractors(scene, starts).drawn
-    leads, others = led_to(scene, found)
-    rows = [f"| {name} | {one.in_words()} | {one.starts} of {starts} ({100 * one.low:.0f} to {100 * one.high:.0f} %) | "
-            f"{exponent_in_words(one)} | {lead} |" for one, lead in zip(found[:_MOST_NAMED], leads, strict=False)]
-    if rest := found[_MOST_NAMED:]:
-        speeds = [1e3 * one.mean_speed for one in rest]
+    drawn = vibro_lab.attractors(scene, starts).drawn
+    leads, others = led_to(scene, drawn)
+    rows = [f"| {name} | {attractor.in_words()} | {attractor.starts} of {starts} ({100 * attractor.low:.0f} to "
+            f"{100 * attractor.high:.0f} %) | {exponent_in_words(attractor)} | {lead} |"
+            for attractor, lead in zip(drawn[:_MOST_NAMED], leads, strict=False)]
+    if rest := drawn[_MOST_NAMED:]:
+        speeds = [1e3 * attractor.mean_speed for attractor in rest]
         rows.append(f"| {name} | {len(rest)} motions more, {min(speeds):.1f} to {max(speeds):.1f} mm/s | "
-                    f"{sum(one.starts for one in rest)} of {starts} | | |")
+                    f"{sum(attractor.starts for attractor in rest)} of {starts} | | |")
     return rows + [f"| {name} | {motion.in_words()} | 0 of {starts} | | {words} |" for words, motion in others.items()]
 
 
-def exponent_in_words(one: Attractor) -> str:
+def exponent_in_words(attractor: Attractor) -> str:
     """The largest Lyapunov exponent [1/s] with its interval."""
-    spread = f" ± {one.exponent_spread:.1g}" if one.exponent_spread > 0.0 else ""
-    return "below all" if one.exponent == -np.inf else "" if np.isnan(one.exponent) else f"{one.exponent:.2f}{spread}"
+    spread = f" ± {attractor.exponent_spread:.1g}" if attractor.exponent_spread > 0.0 else ""
+    if attractor.exponent == -np.inf:
+        return "below all"
+    return "" if np.isnan(attractor.exponent) else f"{attractor.exponent:.2f}{spread}"
 
 
-def led_to(scene: Scene, found: Sequence[Attractor]) -> tuple[list[str], dict[str, Attractor]]:
+def led_to(scene: Scene, attractors: Sequence[Attractor]) -> tuple[list[str], dict[str, Attractor]]:
     """Return a simple start that leads to each motion; and, by their starts, the periodic motions to which simple
     starts lead and no random start does. Motions without a period are left out of the latter, because one start does
     not suffice to compare them.
     """
-    words, others, met = [""] * len(found), dict[str, Attractor](), list[SettledMotion]()
+    words, others, met = [""] * len(attractors), dict[str, Attractor](), list[SettledMotion]()
     for start, motion in simple_starts(scene):
-        places = [place for place, one in enumerate(found) if is_of(motion, one)]
+        places = [place for place, attractor in enumerate(attractors) if is_of(motion, attractor)]
         if places:
             words[places[0]] = words[places[0]] or start
         elif motion.turns and number_among(motion, met) is None:
@@ -143,10 +146,11 @@ def simple_starts(scene: Scene) -> Iterator[tuple[str, SettledMotion]]:
             yield f"turning from the start{f', `body_velocity={speed:g}`' if speed else ''}", motion
 
 
-def is_of(motion: SettledMotion, one: Attractor) -> bool:
+def is_of(motion: SettledMotion, attractor: Attractor) -> bool:
     """Whether a start has settled to an attractor."""
-    return bool(one.turns is not None and len(one.states)
-                and SettledMotion(one.turns, one.states, one.mean_speed, 0, motion.tolerance).is_same(motion))
+    return bool(attractor.turns is not None and len(attractor.states)
+                and SettledMotion(attractor.turns, attractor.states, attractor.mean_speed, 0,
+                                  motion.tolerance).is_same(motion))
 
 
 class MeasuredMotion(NamedTuple):
@@ -164,12 +168,13 @@ class MeasuredMotion(NamedTuple):
 def measured_motions(scene: Scene, names: Collection[str], starts: int = COSTED_STARTS) -> list[MeasuredMotion]:
     """Return the motions that random starts have settled to, those of most starts first, each with its own measures."""
     runs = in_processes(partial(_measured, scene, names), range(starts), core_count())
-    values, motions = zip(*(future.result() for _, future in runs), strict=True)
-    found, places = group_starts(motions, [one["mean_speed"] if motion is None else motion.mean_speed
-                                      for one, motion in zip(values, motions, strict=True)])
-    first = [int(np.argmax(places == place)) for place in range(len(found))]
-    return [MeasuredMotion(one, values[number], _sampled(scene, number))
-            for one, number in zip(found[:_MOST_NAMED], first, strict=False)]
+    measures, motions = zip(*(future.result() for _, future in runs), strict=True)
+    speeds = [of_start["mean_speed"] if motion is None else motion.mean_speed
+              for of_start, motion in zip(measures, motions, strict=True)]
+    attractors, places = group_starts(motions, speeds)
+    first_starts = [int(np.argmax(places == place)) for place in range(len(attractors))]
+    return [MeasuredMotion(attractor, measures[start], _sampled(scene, start))
+            for attractor, start in zip(attractors[:_MOST_NAMED], first_starts, strict=False)]
 
 
 def _measured(scene: Scene, names: Collection[str], start: int) -> tuple[dict[str, float], SettledMotion | None]:
@@ -207,9 +212,9 @@ def cost_rows(name: str, scene: Scene) -> Iterator[str]:
     except ValueError as error:
         refusal = str(error).partition(";")[0]
     for motor, moved in robots_by_motor.items():
-        for one in measured_motions(moved, _COSTS):
-            seen, speed = one.values, abs(one.values["mean_speed"])
-            pitch = validity_of(moved, vars(one.samples)).pitch_index
+        for motion in measured_motions(moved, _COSTS):
+            seen, speed = motion.values, abs(motion.values["mean_speed"])
+            pitch = validity_of(moved, vars(motion.samples)).pitch_index
             peak = np.nanmax([seen["upper_peak_force"], seen["inclined_peak_force"]])
             if speed < STANDS:
                 prices = ["-", "-", f"stands, and takes {seen['supply_power']:.0f} W"]
@@ -217,7 +222,7 @@ def cost_rows(name: str, scene: Scene) -> Iterator[str]:
                 weight = moved.total_mass * moved["gravity"]
                 supply = f"{seen['supply_power'] / (weight * speed):.3g}" if moved.has_rotor else "-"
                 prices = [f"{seen['cost_of_transport']:.3g}", f"{seen['delivered_cost_of_transport']:.3g}", supply]
-            cells = [name, motor, one.in_words(COSTED_STARTS), *prices, f"{100 * seen['air_share']:.0f} %",
+            cells = [name, motor, motion.in_words(COSTED_STARTS), *prices, f"{100 * seen['air_share']:.0f} %",
                      f"{peak:.3g} N", f"{stroke:.2f}", "-" if pitch is None else f"{pitch:.2g}"]
             yield f"| {' | '.join(cells)} |"
     if refusal:

@@ -17,8 +17,8 @@ TYPE_CHECKING = False  # type checkers know the name; to import `typing` would d
 if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.bag.stream import BagError, BagStream, bag_errors, robot_topics
-    from vibro_ros.configuration.scene_file import load_scene, scene_as_file, scene_origin, shipped
-    from vibro_ros.configuration.strict_yaml import read_scalar, read_settings
+    from vibro_ros.configuration.scene_file import find_file, load_scene, scene_as_file, scene_origin, shipped
+    from vibro_ros.configuration.strict_yaml import read_scalar, read_settings, read_yaml
     from vibro_ros.messages.codec import deserialised
     from vibro_ros.messages.frames import JOINTS, joints_of
     from vibro_ros.messages.operations import read_operation
@@ -54,16 +54,17 @@ __all__ = ["ACCELERATIONS", "BagError", "BagStream", "COMMANDS", "Forks", "IMU_F
            "Incident", "JOINTS", "LATEST_TIME", "PARAMETERS", "Parameter", "Parser", "SAMPLE_FIELDS",
            "STATE_UNITS", "Samples", "Scene", "SensedSimulator", "SimulationError", "Simulator", "StopRequest",
            "TOPICS", "ToleranceWarning", "Value", "bag_errors", "check_scene", "checked_parameters", "commands_in",
-           "commands_of", "core_count", "default_settings", "deserialised", "enter", "exit_code",
+           "commands_of", "core_count", "default_settings", "deserialised", "enter", "exit_code", "find_file",
            "force_at_rest", "in_order", "in_processes", "interrupted_code", "is_temporary", "joints_of", "load_scene",
            "motor_coordinates", "new_figure", "of_imu", "parameter_named", "png", "quoted", "read_bag", "read_file",
-           "read_operation", "read_scalar", "read_settings", "replace_file", "robot_topics", "say",
+           "read_operation", "read_scalar", "read_settings", "read_yaml", "replace_file", "robot_topics", "say",
            "scene_as_file", "scene_origin", "set_heading", "shipped", "simulate", "simulate_many", "software"]
 
 _HOMES = {  # of each public name its module, and after a colon its name there if that differs
     # scenes, and where the shipped files are
     "Scene": "model.scene",
     "check_scene": "model.scene",
+    "find_file": "configuration.scene_file",
     "load_scene": "configuration.scene_file",
     "scene_as_file": "configuration.scene_file",
     "scene_origin": "configuration.scene_file",
@@ -125,6 +126,7 @@ _HOMES = {  # of each public name its module, and after a colon its name there i
     "read_file": "process.files",
     "read_scalar": "configuration.strict_yaml",
     "read_settings": "configuration.strict_yaml",
+    "read_yaml": "configuration.strict_yaml",
     "replace_file": "process.files",
     "say": "process.entry_point",
     # pictures that do not depend on the user's settings of matplotlib

@@ -1,6 +1,5 @@
 """Messages as a publisher serialises them, bags made of them, and readers that share no code with the recorder."""
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -19,7 +18,6 @@ from vibro_ros.bag.metadata import defined
 from vibro_ros.bag.recorder import BagWriter, Storage
 
 START = 1_763_700_000_000_000_000  # ns, an instant in 2025
-DEADLINE = 30.0  # s, before a test gives up waiting
 
 
 @pytest.fixture
@@ -30,16 +28,6 @@ def folder(tmp_path) -> Path:
 @pytest.fixture
 def start_ns() -> int:
     return START
-
-
-@pytest.fixture
-def wait_for() -> Callable[[Callable[[], bool]], None]:
-    def wait(predicate: Callable[[], bool]) -> None:
-        end = time.monotonic() + DEADLINE
-        while not predicate():
-            assert time.monotonic() < end, "waited in vain"
-            time.sleep(0.002)
-    return wait
 
 
 def _stamped(message, stamp_ns: int, frame: str):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
+from real_processes import wait_until
 from recorded_bag import METADATA, POWER, TOPICS, by_mcap, by_rosbags, mcap_file
 from rosbags.interfaces import QosReliability
 from rosbags.rosbag2 import Reader
@@ -48,11 +49,11 @@ def test_bag_keeps_types_qos_and_what_the_recorder_says_of_itself(sealed):
         assert reader.storage.metadata.custom == METADATA | {"written": "1600", "dropped": "0", "lost": "0"}
 
 
-def test_last_message_before_a_silence_reaches_the_disk(folder, published, start_ns, recorded, wait_for):
+def test_last_message_before_a_silence_reaches_the_disk(folder, published, start_ns, recorded):
     message = ("/motor_power", start_ns, published["/motor_power"](1))
     with Recorder(folder, POWER, METADATA) as recorder:
         recorder.write(*message)
-        wait_for(lambda: recorder.written == 1)
+        wait_until(lambda: recorder.written == 1, "the recorder")
         assert recorded(mcap_file(folder)) == [message]
 
 
@@ -70,7 +71,7 @@ def test_what_would_spoil_the_bag_is_refused_and_counted(folder, published, reco
     assert recorded(mcap_file(folder)) == [("/motor_power", 7, data), ("/motor_power", LAST_STAMP, data)]
 
 
-def test_a_full_queue_drops_and_counts_and_takes_inputs_when_it_drops_others(folder, published, wait_for, monkeypatch):
+def test_a_full_queue_drops_and_counts_and_takes_inputs_when_it_drops_others(folder, published, monkeypatch):
     """A replay can compute dropped samples again, but not a dropped command."""
     gate, write = threading.Event(), BagWriter.write
     monkeypatch.setattr(BagWriter, "write", lambda *message: gate.wait(30.0) and write(*message))
@@ -78,7 +79,7 @@ def test_a_full_queue_drops_and_counts_and_takes_inputs_when_it_drops_others(fol
     with Recorder(folder, [*POWER, command], METADATA, backlog=3) as recorder, contextlib.ExitStack() as before_close:
         before_close.callback(gate.set)
         assert recorder.write("/motor_power", 0, data)
-        wait_for(lambda: recorder.backlog == 0)
+        wait_until(lambda: recorder.backlog == 0, "the recorder")
         taken = [[recorder.write(topic.name, stamp, data) for topic in (*POWER, command)] for stamp in range(1, 6)]
         assert taken == [[True, True], [True, True], [False, True], [False, True], [False, False]]
         assert (recorder.backlog, recorder.dropped) == (6, 4)

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from real_processes import wait_until
 from recorded_bag import METADATA, POWER, TOPICS, by_rosbags, mcap_file, no_file_larger_than
 
 from vibro_ros.bag.recorder import Recorder, Storage
@@ -35,11 +36,11 @@ def test_disk_that_fills_up_stops_the_recording_not_the_caller(folder, published
     assert [stamp for _, stamp, _ in by_rosbags(folder)] == list(range(recorder.written))
 
 
-def test_removed_folder_stops_the_recording_not_the_caller(folder, published, wait_for):
+def test_removed_folder_stops_the_recording_not_the_caller(folder, published):
     with Recorder(folder, POWER, METADATA) as recorder:
         shutil.rmtree(folder)
         recorder.write("/motor_power", 1, published["/motor_power"](1))
-        wait_for(lambda: recorder.fault is not None)
+        wait_until(lambda: recorder.fault is not None, "the recorder")
         assert not recorder.write("/motor_power", 2, published["/motor_power"](2))
     assert "run_0.mcap was removed, or replaced by another file" in recorder.fault
     assert (recorder.written, recorder.dropped, recorder.lost) == (0, 1, 1)
@@ -53,12 +54,12 @@ def test_bag_is_sealed_when_the_caller_fails(folder, published):
     assert len(by_rosbags(folder)) == 1
 
 
-def record_parts(folder: Path, published, wait_for, spoil, storage: Storage) -> Recorder:
+def record_parts(folder: Path, published, spoil, storage: Storage) -> Recorder:
     """Record half of 400 messages, damage the folder, and record the rest."""
     recorder = Recorder(folder, POWER, METADATA, storage=storage)
     for i in range(400):
         if i == 200:
-            wait_for(lambda: recorder.written == 200)
+            wait_until(lambda: recorder.written == 200, "the recorder")
             spoil(folder)
         recorder.write("/motor_power", i * 1_000_000, published["/motor_power"](i))
     recorder.close()
@@ -72,14 +73,14 @@ def swap(path: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", [Path.unlink, swap], ids=["removed", "replaced"])
-def test_the_file_that_is_written_is_missed_when_it_is_gone(folder, published, wait_for, spoil):
-    recorder = record_parts(folder, published, wait_for, lambda folder: spoil(mcap_file(folder)), Storage())
+def test_the_file_that_is_written_is_missed_when_it_is_gone(folder, published, spoil):
+    recorder = record_parts(folder, published, lambda folder: spoil(mcap_file(folder)), Storage())
     assert "run_0.mcap was removed, or replaced by another file" in recorder.fault
     assert recorder.written == 0 and recorder.lost + recorder.dropped == 400
 
 
-def test_a_finished_file_that_is_gone_costs_its_messages_alone(folder, published, wait_for):
-    recorder = record_parts(folder, published, wait_for, lambda folder: mcap_file(folder).unlink(),
+def test_a_finished_file_that_is_gone_costs_its_messages_alone(folder, published):
+    recorder = record_parts(folder, published, lambda folder: mcap_file(folder).unlink(),
                             Storage(max_duration=0.1))
     assert recorder.fault is None
     with BagStream(folder) as stream:

@@ -15,6 +15,7 @@ import pytest
 from mcap.records import Header
 from mcap.writer import IndexType
 from mcap.writer import Writer as ForeignWriter
+from real_processes import wait_until
 from recorded_bag import POWER, STORAGES, by_mcap, by_rosbags, content, mcap_file, no_file_larger_than, torn
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -213,12 +214,12 @@ def flip(folder: Path) -> None:
     path.write_bytes(data)
 
 
-def test_a_sealed_file_that_is_damaged_is_left_as_it_is_and_read_without_the_damage(tmp_path, wait_for, capsys):
+def test_a_sealed_file_that_is_damaged_is_left_as_it_is_and_read_without_the_damage(tmp_path, capsys):
     folder = tmp_path / "run"
     with Recorder(folder, POWER, {}) as recorder:
         for i in range(40):
             recorder.write("/motor_power", i, i.to_bytes(2, "little") * 6)
-            wait_for(lambda i=i: i != 19 or recorder.written == 20)
+            wait_until(lambda i=i: i != 19 or recorder.written == 20, "the recorder")
     flip(folder)
     before = content(folder)
     assert executable.main([str(folder)]) == 0
@@ -289,10 +290,10 @@ def test_a_bag_that_is_sealed_while_it_is_looked_at_is_not_called_unsealed(tmp_p
     assert unsealed_bags(tmp_path) == []
 
 
-def test_a_bag_in_use_is_left_alone(tmp_path, published, wait_for):
+def test_a_bag_in_use_is_left_alone(tmp_path, published):
     with Recorder(tmp_path / "run", POWER, {}) as recorder:
         recorder.write("/motor_power", 1, published["/motor_power"](1))
-        wait_for(lambda: recorder.written == 1)
+        wait_until(lambda: recorder.written == 1, "the recorder")
         before = content(tmp_path / "run")
         with pytest.raises(BagError, match="the bag is in use, its recorder still runs; end the recorder"):
             recover(tmp_path / "run")

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from commanded_device import assert_balanced
 from test_thousand_random_scenes import check_instants
 
 import vibro_ros
@@ -30,8 +31,7 @@ def test_no_state_begins_twice_at_one_instant_and_energy_balances(monkeypatch, n
     check_instants(run.events)
     changes = run.events["time"][np.isin(run.events["kind"], ("stick", "slip_forward", "slip_backward"))]
     assert len(changes) > 20
-    accounts = run.statistics["energy_accounts"]
-    assert abs(accounts["residual"]) <= 1e-11 * sum(map(abs, accounts.values()))
+    assert_balanced(run, 1e-11)
 
 
 def test_a_spring_of_the_ground_swings_the_body(monkeypatch):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from commanded_device import booked_energy
+from commanded_device import assert_balanced
 
 import vibro_ros
 
@@ -98,8 +98,7 @@ def test_the_friction_on_a_body_whose_mass_rests_is_booked():
     stops = run.events["time"][run.events["kind"] == "stick"]
     within = (stops[:, None] > rests["time"]) & (stops[:, None] < rests["time"] + rests["duration"])
     assert within.any(axis=1).sum() > 5
-    accounts = run.statistics["energy_accounts"]
-    assert abs(accounts["residual"]) <= 1e-13 * booked_energy(accounts)
+    assert_balanced(run, 1e-13)
 
 
 def test_a_body_thrown_up_while_its_masses_rest_lands_on_the_ground():

@@ -6,10 +6,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from commanded_device import booked_energy, suffer
+from commanded_device import assert_balanced, suffer
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.simulation import motion
 from vibro_ros.solver.methods import SCHEMES
 
 COMMANDS = ((0.1, {"motor_speed": 120.0}), (0.2, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
@@ -83,23 +84,45 @@ def test_every_cut_of_time_gives_the_same_bits(name, changes):
             assert device.filtered_acceleration() == expected.filtered_acceleration()
             assert device.statistics["energy_accounts"] == expected.statistics["energy_accounts"]
     if exact:
-        accounts = expected.statistics["energy_accounts"]
-        assert abs(accounts["residual"]) <= 1e-12 * booked_energy(accounts)
+        assert_balanced(expected)
 
 
-@pytest.mark.parametrize("scene", shipped_scenes())
-def test_samples_are_states(scene):
-    """`simulate` and `Simulator` are one code path, and sampling does not disturb."""
-    scene = vibro_ros.load_scene(scene)
-    run = vibro_ros.simulate(scene, duration=0.3, rate=200.0)
-    coarse = vibro_ros.simulate(scene, times=run.time[::7])
-    device = vibro_ros.Simulator(scene)
+@pytest.mark.parametrize("method", ["exact", "rk4"])
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_samples_are_states(name, method, monkeypatch):
+    """`simulate` and `Simulator` are one code path, and sampling does not disturb. Samples are computed in groups of
+    seven, of a motor that stands, turns and stands again."""
+    monkeypatch.setattr(motion, "AT_ONCE", 7)
+    scene = vibro_ros.load_scene(name).with_parameters({"solver.method": method, "motor.speed": 0.0})
+    commands = [(0.1025, {scene.motor_command: 12.0}), (0.2025, {scene.motor_command: 0.0})]
+    run = vibro_ros.simulate(scene, duration=0.3, rate=200.0, commands=commands)
+    coarse = vibro_ros.simulate(scene, times=run.time[::7], commands=commands)
+    device, waiting = vibro_ros.Simulator(scene), [*commands]
     for index, time in enumerate(run.time):
+        if waiting and waiting[0][0] < time:
+            instant, command = waiting.pop(0)
+            device.advance_to(instant)
+            device.command(**command)
         device.advance_to(time)
         for field in dataclasses.fields(device.state):
             assert getattr(run, field.name)[index] == getattr(device.state, field.name), (field.name, time)
     for field in dataclasses.fields(device.state):
         np.testing.assert_array_equal(getattr(coarse, field.name), getattr(run, field.name)[::7])
+
+
+def test_groups_of_instants_meet_ends_of_disturbances_and_edges_as_all_at_once_do(monkeypatch):
+    """A push ends at the last instant of a group and a stall at the first of one; a patch ends within a group."""
+    runs, times = [], np.arange(300) / 1000.0
+    for group in (7, len(times)):
+        monkeypatch.setattr(motion, "AT_ONCE", group)
+        device = vibro_ros.Simulator(vibro_ros.load_scene("damped"), acceleration_bandwidth=100.0)
+        device.push(times[20], force_x=40.0)
+        device.fail("motor_stall", duration=times[35])
+        device.fail("friction_patch", duration=times[200], value=0.02, from_x=-1.0, to_x=0.001)
+        samples, accelerations = device.sample_filtered(times)
+        assert device.disturbances == {} and samples.body_position.max() > 0.001
+        runs.append([*(values.tobytes() for values in vars(samples).values()), accelerations.tobytes()])
+    assert runs[0] == runs[1]
 
 
 def test_commands_at_one_instant_act_in_their_order():

@@ -152,23 +152,15 @@ def holds_in(line: str, states: tuple[str, ...], plates: tuple[str, ...]) -> boo
 
 
 @each_scene
-def test_every_coordinate_and_no_other_is_a_state(scene):
-    lines = sections(scene)["states"]
-    assert sum("'" in line for line in lines) == compile_scene(scene).forms.channels.coordinates
-    assert any(line.startswith("x = 0") for line in lines) != compile_scene(scene).forms.body_moves
-    assert any(line.startswith("y, y'") for line in lines) == compile_scene(scene).forms.body_hops
-
-
-@each_scene
-def test_number_of_modes(scene):
-    assert int(sections(scene)["modes"][0].split()[0]) == len(compile_scene(scene).modes)
-
-
-@each_scene
-def test_the_described_first_mode_is_the_compiled_one(scene):
+def test_coordinates_number_of_modes_and_first_mode_are_those_of_the_tables(scene):
     """Friction that has only one state is not described."""
-    model = compile_scene(scene)
-    _, _, first = sections(scene)["modes"][0].partition("; first ")
+    model, described = compile_scene(scene), sections(scene)
+    lines = described["states"]
+    assert sum("'" in line for line in lines) == model.forms.channels.coordinates
+    assert any(line.startswith("x = 0") for line in lines) != model.forms.body_moves
+    assert any(line.startswith("y, y'") for line in lines) == model.forms.body_hops
+    number, _, first = described["modes"][0].partition("; first ")
+    assert int(number.split()[0]) == len(model.modes)
     states = model.modes[model.initial_mode].states
     if scene.has_rotor and scene["motor.speed"] and scene["motor.static_friction"]:
         assert first == "that of a crank that turns"

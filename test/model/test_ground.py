@@ -137,15 +137,3 @@ def test_a_landing_is_poissons(angle, friction, backward, speed, restitution):
     mass_speed = -direction @ (found - (speed, -fall))  # a free mass keeps its speed in space
     assert device.state.inclined_velocity == pytest.approx(mass_speed, abs=1e-10)
     assert device.take_events()["kind"][0] == "landing"
-
-
-@pytest.mark.parametrize(("changes", "refusal"), [
-    ({"ground.friction_backward": -0.5}, "ground.friction_backward: -0.5 is below 0; give at least 0, or -1"),
-    ({"ground.friction_backward": 0.3, "effects.friction": "static"}, "choose coulomb, or give -1"),
-    ({"ground.friction_backward": 1e4}, "choose weight for effects.normal_force, or give at most 1000"),
-    ({"ground.viscous_friction": 1e5, "mass.body": 1e-3}, "give at most 10000 N·s/m"),
-    ({"ground.slope": 1.6}, "ground.slope: 1.6 is out of range; give a number from -1.5 to 1.5 rad"),
-])
-def test_what_no_ground_can_be_is_refused(changes, refusal):
-    with pytest.raises(ValueError, match=refusal):
-        paper(changes)

@@ -72,17 +72,3 @@ def test_mean_speeds_of_the_first_second_are_those_found_outside(angle, mass, ra
         "guide.angle": math.radians(angle), "mass.inclined": mass, "crank.radius": radius})
     run = vibro_ros.simulate(scene, times=[0.0, 1.0])
     assert run.body_position[-1] == pytest.approx(speed, rel=0.01)  # m in 1 s
-
-
-@pytest.mark.parametrize(("changes", "named"), [
-    ({"effects.upper_mass": False}, "give true for effects.upper_mass"),
-    ({"effects.inclined_mass": False}, "give true for effects.inclined_mass"),
-    ({"effects.inclined_contact": "none"}, "choose compliant"),
-    ({"effects.inclined_contact": "restitution", "effects.normal_force": "weight"}, "choose compliant"),
-    ({"inclined.plate.stiffness": 0.0}, "inclined.plate.stiffness is 0 N/m"),
-    ({"effects.reaction": True}, "give false for effects.reaction")])
-def test_what_makes_no_sense_with_it_is_refused(changes, named):
-    remedy = r"^effects\.misprint: true .*; (give|choose) .*, or set effects\.misprint to false$"
-    with pytest.raises(ValueError, match=remedy) as caught:
-        vibro_ros.load_scene("paper").with_parameters(MISPRINT | changes)
-    assert named in str(caught.value)

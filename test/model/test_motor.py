@@ -177,18 +177,6 @@ def test_a_crank_that_runs_back_counts_its_turns_downwards():
     assert states.crank_angle[0] < -20.0 and np.all(np.abs(np.diff(states.crank_angle)) < 0.2)
 
 
-@pytest.mark.parametrize("changes, message", [
-    ({"motor.static_friction": 0.01}, "motor.static_friction: 0.01 N·m is below motor.friction, 0.03 N·m"),
-    ({"motor.winding_inductance": 1e-9}, "motor.winding_inductance: 1e-09 H .*give 0, or at least 1.43e-07 H"),
-    ({"motor.rotor_inertia": 0.0, "motor.crank_inertia": 0.0}, "motor.crank_inertia: 0 kg·m² leaves .*at least 1e-09"),
-    ({"crank.radius": 0.06}, "crank.upper_rod: 0.06 m is as long as the crank.*give at least 0.06006 m"),
-    ({"motor.control": "voltage", "motor.voltage": 40.0}, "motor.voltage: 40 is out of range.*motor.supply_voltage"),
-])
-def test_what_has_no_law_is_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        dc("paper", changes)
-
-
 def test_another_motors_command_is_refused_and_changes_nothing():
     by_voltage = vibro_ros.Simulator(dc("damped", CONSTANT))
     by_speed = vibro_ros.Simulator(vibro_ros.load_scene("damped"))

@@ -10,9 +10,9 @@ RULES = ("unilateral", "weight", "printed")
 
 
 def scene(name="damped", **changes):
-    own = {"effects.friction": "stribeck", "ground.static_friction": STATIC, "ground.stribeck_speed": SPEED,
-           "upper.gap": 1e-3, "inclined.gap": 1e-3, "motor.speed": 92.0}
-    return vibro_ros.load_scene(name).with_parameters(own | changes)
+    stribeck = {"effects.friction": "stribeck", "ground.static_friction": STATIC, "ground.stribeck_speed": SPEED,
+                "upper.gap": 1e-3, "inclined.gap": 1e-3, "motor.speed": 92.0}
+    return vibro_ros.load_scene(name).with_parameters(stribeck | changes)
 
 
 def distances(limit, speeds, duration=0.5):
@@ -57,14 +57,3 @@ def test_a_body_that_passes_stribecks_speed_within_1e_19_s():
     stribeck, static = (vibro_ros.simulate(each, duration=0.01, rate=1000.0) for each in both)
     assert np.abs(static.body_velocity).max() > 1e4
     np.testing.assert_allclose(stribeck.body_position, static.body_position, rtol=1e-9, atol=1e-6)
-
-
-@pytest.mark.parametrize(("changes", "named"), [
-    ({"effects.reaction": True, "ground.static_friction": 200.0}, ("ground.static_friction: at 200 ", "Painlevé")),
-    ({"ground.static_friction": 0.19}, ("ground.static_friction: 0.19 ", "0.2")),
-    ({"ground.stribeck_speed": 0.0}, ("ground.stribeck_speed: 0 ", "1e-06", "1000 m/s")),
-    ({"ground.stribeck_speed": 1e4}, ("ground.stribeck_speed: 10000 ", "1e-06", "1000 m/s"))])
-def test_stribeck_friction_without_a_solution_is_refused(changes, named):
-    with pytest.raises(ValueError, match=".") as caught:
-        scene("unilateral", **changes)
-    assert all(word in str(caught.value) for word in named) and "\n" not in str(caught.value)

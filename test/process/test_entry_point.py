@@ -11,6 +11,7 @@ from importlib.metadata import entry_points, version
 from pathlib import Path
 
 import pytest
+from real_processes import wait_until
 
 from vibro_ros.process import entry_point
 from vibro_ros.process.executables import EXECUTABLES
@@ -43,13 +44,6 @@ def module(name: str) -> tuple[str, str]:
     return "-m", EXECUTABLES[name].module
 
 
-def wait_until(done: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not done():
-        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE} s"
-        time.sleep(0.002)
-
-
 def takes_signals(process: subprocess.Popen) -> bool:
     """Whether the process handles SIGHUP itself, which Python does not by default."""
     status = Path(f"/proc/{process.pid}/status").read_text()
@@ -74,20 +68,16 @@ def test_every_console_script_enters_by_it():
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
-def test_its_help_begins_with_the_sentence_of_the_list(capsys, name):
-    does = EXECUTABLES[name].does
-    assert does.endswith(".") and len(does) < 100  # one line of a terminal
-    with pytest.raises(SystemExit) as ended:
-        import_module(EXECUTABLES[name].module).main(["--help"])
-    assert not ended.value.code and does in " ".join(capsys.readouterr().out.split())
-
-
-@pytest.mark.parametrize("name", EXECUTABLES)
-def test_it_says_its_version(capsys, name):
-    with pytest.raises(SystemExit) as ended:
-        import_module(EXECUTABLES[name].module).main(["--version"])
-    shown = "view" if name == "live_view" else name
-    assert not ended.value.code and capsys.readouterr().out == f"{shown} {version('vibro_ros')}\n"
+def test_its_help_begins_with_the_sentence_of_the_list_and_it_says_its_version(capsys, name):
+    executable, said = EXECUTABLES[name], []
+    assert executable.does.endswith(".") and len(executable.does) < 100  # one line of a terminal
+    for option in ("--help", "--version"):
+        with pytest.raises(SystemExit) as ended:
+            import_module(executable.module).main([option])
+        assert not ended.value.code
+        said.append(" ".join(capsys.readouterr().out.split()))
+    assert executable.does in said[0]
+    assert said[1] == f"{'view' if name == 'live_view' else name} {version('vibro_ros')}"
 
 
 @pytest.mark.parametrize("name, number, code", [("report", signal.SIGTERM, 143), ("robot", signal.SIGHUP, 0)])

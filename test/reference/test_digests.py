@@ -14,6 +14,7 @@ import pytest
 import vibro_ros
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.recordings.comparison import compare
+from vibro_ros.solver import core, typed
 
 EXPECTED = json.loads(digests.FILE.read_text())
 # What decides the bits of libraries: the kernels of BLAS and LAPACK, the functions of the C library, and numpy's loops.
@@ -26,7 +27,18 @@ SETTINGS = {"oldest": {"OPENBLAS_CORETYPE": "Prescott", **WITHOUT_AVX2}, "nehale
 # Of the reference, all tables, and runs of every method, sensor and kind of message.
 IN_CHILDREN = ["tables/", "scene/device/", "scene/machine/", "effect/Stribeck/", "effect/rigid plates/",
                "command/state/", "sensors/", "messages/", "recording/", "random/1"]
-UNCOMPILED = ["tables/", "scene/damped/exact", "scene/device/exact", "scene/machine/exact"]
+UNCOMPILED = ["tables/", "sensors/device/bmi270",
+              *(f"{case}/{scene}/{method}" for scene in ("damped", "device", "machine")
+                for case, method in (("scene", "exact"), ("command/gaps", "rk4"), ("command/gaps", "rk4_located")))]
+BUILDS = [*Path(core.__file__).parent.glob("core*.so")]
+ONLY_PORTABLE = """
+import runpy, sys
+from vibro_ros.solver import core
+sys.modules["vibro_ros.solver.core_v3"] = core
+from vibro_ros.solver import typed
+assert typed._core is core
+runpy.run_path(sys.argv[1], run_name="__main__")
+"""
 REPLAY = """
 import sys
 from vibro_ros.bag.stream import BagStream
@@ -76,6 +88,14 @@ def test_a_recording_replays_with_the_libraries_of_another_processor(tmp_path):
 def test_plain_python_has_the_bits_of_the_kernels():
     output = output_in_child([digests.__file__, *UNCOMPILED], {"VIBRO_ROS_PLAIN": "1"})
     assert json.loads(output) == of_reference(UNCOMPILED)
+
+
+@pytest.mark.process
+@pytest.mark.skipif(len(BUILDS) < 2, reason="there is one build for this kind of processor")
+def test_the_build_for_older_processors_has_the_bits_of_the_other_one():
+    assert typed._core is not core, "this processor cannot run the second build"
+    output = output_in_child(["-c", ONLY_PORTABLE, digests.__file__, *IN_CHILDREN], {})
+    assert json.loads(output) == of_reference(IN_CHILDREN)
 
 
 # Functions of the C library, of loops of numpy, of BLAS and of LAPACK, whose bits differ by processor; sums of arrays

@@ -1,18 +1,20 @@
 """Real processes and a real rclpy node for the tests of this folder, each with an end of its own."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from asking import call
 from observation import Listener
+from page_visitor import PageVisitor
 from random_run import FASTER, record_run
-from real_processes import bench, refusal, start, udp_only
+from real_processes import Executable, bench, refusal, start, udp_only
 from simulation_types import require_types
 from simulator_user import Simulator
 from std_srvs.srv import SetBool
+from visitor import address_of
 
 __all__ = ["bench", "call", "refusal", "start", "udp_only"]
 
@@ -44,6 +46,26 @@ def recorded(request, shelf, tmp_path) -> Path:
                    f"rate.real_time_factor:={FASTER}")
     (bag,) = shelf.glob("vibro_robot_*")
     return Path(shutil.copytree(bag, tmp_path / bag.name))
+
+
+@pytest.fixture
+def view(start) -> Executable:
+    """A live view, at a port that is free."""
+    return start("live_view", "--port", "0")
+
+
+@pytest.fixture
+def visit(start) -> Iterator[Callable[[Executable], PageVisitor]]:
+    """Open a page of a view; pages are closed at the end of the test, before the view is killed."""
+    pages: list[PageVisitor] = []
+
+    def visit_view(view: Executable) -> PageVisitor:
+        pages.append(PageVisitor(address_of(view)))
+        return pages[-1]
+
+    yield visit_view
+    for page in pages:
+        page.close()
 
 
 @pytest.fixture

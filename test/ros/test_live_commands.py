@@ -5,7 +5,7 @@ from std_msgs.msg import Float64
 
 import vibro_ros
 from vibro_ros.messages.operations import RESET, TIMEOUT, Operation
-from vibro_ros.ros.live.commands import RETURN_TIMEOUT, Commands
+from vibro_ros.ros.live.commands import RETURN_TIMEOUT, PageCommands
 
 SCENE = vibro_ros.load_scene("device")
 
@@ -16,7 +16,7 @@ class Both:
     def __init__(self, bench):
         self.heard: list[float] = []
         self.now = 100.0
-        self.commands, self._bench = Commands(bench.node, lambda: self.now), bench
+        self.commands, self._bench = PageCommands(bench.node, lambda: self.now), bench
         bench.node.create_subscription(Float64, "motor_speed", lambda message: self.heard.append(message.data), 10)
         self._other = bench.node.create_publisher(Float64, "motor_speed", 10)
         bench.spin_until(lambda: self._other.get_subscription_count() >= 2, "both listen")

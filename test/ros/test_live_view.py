@@ -9,32 +9,11 @@ import pytest
 from asking import set_parameter
 from motion_reader import Motion
 from observation import stop
-from page_visitor import PageVisitor
 from real_processes import CRAWL
 from sensor_msgs.msg import JointState
-from visitor import address_of
 
 import vibro_ros
 from vibro_ros.view.protocol import COLUMNS
-
-
-@pytest.fixture
-def view(start):
-    return start("live_view", "--port", "0")
-
-
-@pytest.fixture
-def visit(view):
-    """Open a page of a view, by default of the running one."""
-    visitors = []
-
-    def visit_one(of=None) -> PageVisitor:
-        visitors.append(PageVisitor(address_of(of or view)))
-        return visitors[-1]
-
-    yield visit_one
-    for one in visitors:
-        one.close()
 
 
 def column(rows: np.ndarray, name: str) -> np.ndarray:
@@ -42,7 +21,7 @@ def column(rows: np.ndarray, name: str) -> np.ndarray:
 
 
 def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, visit):
-    page = visit()
+    page = visit(view)
     start("robot", *CRAWL, "-p", "scene:=machine")  # with a dc motor, whose voltage and current are shown, too
     robot = page.wait_for_robot(name="/vibro_robot")
     assert robot["columns"] == list(COLUMNS) and robot["machine"]["name"] == "machine"
@@ -69,7 +48,7 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     speeds = [float("nan")]  # of the crank
     bench.node.create_subscription(JointState, "joint_states", lambda message: speeds.append(message.velocity[0]), 10)
     start("robot", *CRAWL)
-    page = visit()
+    page = visit(view)
     page.wait_for_robot(offers={"reset": True, "step": True, "pause": True, "record": True})
     assert page.ask(command="motor_speed", value=1e6)["done"]
     refusal = "command refused: /motor_speed: 1e+06 is out of range; give a number from -500 to 500 rad/s"
@@ -86,7 +65,7 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     assert page.ask(command="upper_gap", value=0.0005)["done"]
     page.wait_for_rows(100)
     page.wait(lambda: column(page.rows[-1], "upper_plate_position")[-1] == 0.0605, "the gap")
-    late = visit()  # its knobs show what is in force, not what the scene began with, nor what was refused
+    late = visit(view)  # its knobs show what is in force, not what the scene began with, nor what was refused
     late.wait(lambda: late.last("commands").get("values") == {"upper_gap": 0.0005}, "what is in force")
     assert page.ask(parameter="ground.friction", value=2e3)["words"].startswith("ground.friction: 2000")
     assert page.ask(parameter="ground.friction", value=0.4)["done"]
@@ -104,7 +83,7 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
 
 def test_a_robot_that_starts_paused_is_let_go_and_its_last_second_shown_in_slow_motion(start, view, visit):
     start("robot", *CRAWL, "-p", "rate.start_paused:=true").wait_for("ready")
-    page = visit()
+    page = visit(view)
     page.wait(lambda: page.last("robot", "absent").get("kind") == "robot", "a robot")
     page.wait(lambda: page.last("status").get("paused"), "the pause")
     assert page.ask(call="pause", on=False)["done"]
@@ -125,7 +104,7 @@ def test_a_robot_that_starts_paused_is_let_go_and_its_last_second_shown_in_slow_
 
 def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again_and_a_second_one_of_its_name_is_not_drawn(
         udp_only, start, view, visit, domain_id):
-    page = visit()
+    page = visit(view)
     page.wait_for_absence(f"no robot /vibro_robot, nor another one, in ROS domain {domain_id}; start one there")
     view.wait_for("nor another one")
     robot = start("robot", *CRAWL)
@@ -159,7 +138,7 @@ def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again_and_a_second_
 
 
 def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
-    stranger = visit()
+    stranger = visit(view)
     view = start("live_view", "--port", "0", "--robot", "crawler", "--ros-args", "-r", "__ns:=/r1")
     start("robot", *CRAWL, "-r", "__ns:=/r1", "-r", "__node:=crawler", "-r", "odom:=there", "-p", "frame_prefix:=r1/")
     page = visit(view)

@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 
 import pytest
-from page_visitor import PageVisitor
 from real_processes import CRAWL
 from visitor import address_of
 
@@ -25,9 +24,8 @@ def test_a_signal_at_any_instant_of_the_start_ends_it_well(start):
         assert code in (0, -number) and "Traceback" not in view.text, view.text
 
 
-def test_many_signals_end_it_well_with_pages_open(start):
-    view = start("live_view", "--port", "0")
-    pages = [PageVisitor(address_of(view)) for _ in range(3)]
+def test_many_signals_end_it_well_with_pages_open(start, view, visit):
+    pages = [visit(view) for _ in range(3)]
     start("robot", *CRAWL)
     for page in pages:
         page.wait_for_rows(10)
@@ -35,8 +33,7 @@ def test_many_signals_end_it_well_with_pages_open(start):
         view.send(number)
     assert view.end() == 0 and "Traceback" not in view.text, view.text
     for page in pages:
-        page.close()
-        assert page.closed
+        page.wait(lambda page=page: page.closed, "the connection's end")
 
 
 @pytest.mark.parametrize(("words", "line"), [
@@ -57,7 +54,7 @@ def test_what_is_wrong_is_one_line(refusal, monkeypatch, words, line):
         assert refusal(live_view.main, *(words or ["--port", port])).startswith(f"view: {line.format(port=port)}")
 
 
-def test_it_may_serve_others_and_opens_a_browser_whose_command_line_tells_no_token(start, tmp_path, monkeypatch):
+def test_it_may_serve_others_and_opens_a_browser_whose_command_line_tells_no_token(start, visit, tmp_path, monkeypatch):
     browser, heard = tmp_path / "browser", tmp_path / "heard"
     browser.write_text(f'#!/bin/sh\necho "$1" > {heard}.part; mv {heard}.part {heard}\n')
     browser.chmod(0o700)
@@ -65,13 +62,12 @@ def test_it_may_serve_others_and_opens_a_browser_whose_command_line_tells_no_tok
     view = start("live_view", "--port", "0", "--address", "0.0.0.0", "--open")
     view.wait_for("other machines reach this page, and who has its whole address commands the robot")
     address = address_of(view)
-    page = PageVisitor(address)
+    page = visit(view)
     page.wait_for_absence("no robot")
     page.wait(heard.exists, "the browser")
     url = heard.read_text().strip()
     redirect = Path(url.removeprefix("file://"))
     assert address.token not in url and f"url={address.url}" in redirect.read_text()
     assert redirect.stat().st_mode & 0o777 == 0o600
-    page.close()
     view.send(signal.SIGINT)
     assert view.end() == 0 and not redirect.exists()

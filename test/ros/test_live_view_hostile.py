@@ -7,12 +7,10 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from observation import stop
-from page_visitor import PageVisitor
 from rcl_interfaces.msg import Log
 from rclpy.serialization import serialize_message
 from real_processes import CRAWL
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
-from visitor import address_of
 
 from vibro_ros.messages.robot_messages import SAMPLE_LABELS
 from vibro_ros.view.protocol import COLUMNS
@@ -42,10 +40,8 @@ def strange_messages(chance: random.Random) -> list[tuple[str, bytes]]:
     return found
 
 
-def test_strangers_change_nothing(start, bench):
-    chance = random.Random(17)
-    view = start("live_view", "--port", "0")
-    page = PageVisitor(address_of(view))
+def test_strangers_change_nothing(start, bench, view, visit):
+    chance, page = random.Random(17), visit(view)
     start("robot", *CRAWL)
     page.wait_for_robot()
     publishers = bench.publishers(KINDS)
@@ -67,17 +63,15 @@ def test_strangers_change_nothing(start, bench):
     view.wait_for("/vibro_robot/samples: refused: ")
     page.wait_for_robot()
     stop(view)
-    page.close()
     assert "Traceback" not in view.text and "please report" not in view.text, view.text
     assert len(view.lines) < 200  # a flood does not fill the log
 
 
-def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench):
+def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench, visit):
     """A node with the robot's name whose parameters are not a robot's is not drawn, and the page says why."""
     view = start("live_view", "--port", "0", "--robot", "bench")
-    page = PageVisitor(address_of(view))
+    page = visit(view)
     bench.node.create_publisher(Float64MultiArray, "bench/samples", 10)
     bench.spin_until(lambda: page.last("absent").get("words", "").startswith("/bench cannot be shown: it has no "
                                                                               "parameter"), "the words")
     stop(view)
-    page.close()

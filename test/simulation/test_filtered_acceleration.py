@@ -116,7 +116,7 @@ def test_whoever_reads_the_energy_leaves_the_filter_alone():
     scene = load_scene("device").with_parameters({"motor.speed": 100.0, "solver.accounts": True})
     device, left_alone = Simulator(scene, BANDWIDTH), Simulator(scene, BANDWIDTH)
     for tick in range(1, 101):
-        for one in (device, left_alone):
-            one.advance_to(0.005 * tick)
+        for each in (device, left_alone):
+            each.advance_to(0.005 * tick)
         assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-9
     assert device.filtered_acceleration() == left_alone.filtered_acceleration()

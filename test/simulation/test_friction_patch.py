@@ -81,8 +81,8 @@ def test_a_body_that_does_not_reach_a_patch_or_stands_on_its_edge_does_not_feel_
 def test_a_patch_that_is_narrower_than_rounding_is_passed():
     device, untouched = block(1.0), block(1.0)
     device.fail("friction_patch", LONG, value=0.0, from_x=0.1, to_x=float(np.nextafter(0.1, 1.0)))
-    for one in (device, untouched):
-        one.advance_to(2.0)
+    for each in (device, untouched):
+        each.advance_to(2.0)
     assert device.state.body_position == pytest.approx(untouched.state.body_position, abs=1e-15)
 
 
@@ -132,15 +132,15 @@ def test_a_body_that_lands_on_ice_after_a_flight_over_its_edge_keeps_its_momentu
 def test_the_filtered_acceleration_follows_the_body_over_an_edge():
     scene = block(0.0).scene
     device, other = (vibro_ros.Simulator(scene, acceleration_bandwidth=100.0) for _ in range(2))
-    for one in (device, other):
-        one.set_state(body_velocity=2.0)
+    for each in (device, other):
+        each.set_state(body_velocity=2.0)
     device.fail("friction_patch", LONG, value=0.05, from_x=0.1, to_x=9.0)
     deceleration = 0.3 * GRAVITY
     other.advance_to((2.0 - math.sqrt(4.0 - 2.0 * deceleration * 0.1)) / deceleration)  # at the edge
     other.set_parameters({"ground.friction": 0.05})
     for time in (other.time + 1e-4, other.time + 3e-3, 0.5):
-        for one in (device, other):
-            one.advance_to(time)
+        for each in (device, other):
+            each.advance_to(time)
         assert device.filtered_acceleration() == pytest.approx(other.filtered_acceleration(), abs=1e-11)
     assert device.filtered_acceleration()[0] == pytest.approx(-0.05 * GRAVITY, rel=1e-12)
 
@@ -167,8 +167,8 @@ def test_the_first_edge_is_where_bisection_finds_it_and_the_floor_changes_there(
     other.restore(begun)
     other.advance_to(high)
     other.set_parameters({"ground.friction": 0.05})
-    for one in (device, other):
-        one.advance_to(high + 0.05)
+    for each in (device, other):
+        each.advance_to(high + 0.05)
     assert device.state.body_position < edge - 1e-4
     for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity"):
         assert getattr(device.state, name) == pytest.approx(getattr(other.state, name), abs=1e-11), name

@@ -61,8 +61,8 @@ def test_a_method_of_fixed_step_goes_on_from_it():
 
 def test_what_is_not_given_keeps_its_bits():
     device, other = running("device"), running("device")
-    for one in (device, other):
-        one.advance_to(1.2345)
+    for each in (device, other):
+        each.advance_to(1.2345)
     other.set_state(body_velocity=device.state.body_velocity)
     for name in UNITS:
         assert getattr(other.state, name) == getattr(device.state, name)

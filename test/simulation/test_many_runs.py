@@ -16,6 +16,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from real_processes import wait_until
 
 import vibro_ros
 from vibro_ros.simulation.runs import AHEAD
@@ -288,10 +289,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     workers = [int(word) for word in done.stdout.split()]
     assert (done.returncode, len(workers)) == (-signal.SIGKILL, 3), done.stderr
-    deadline = time.monotonic() + 10.0
-    while any(alive(pid) for pid in workers) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert not any(alive(pid) for pid in workers)
+    wait_until(lambda: not any(map(alive, workers)), "the workers' end", 10.0)
 
 
 def alive(pid):

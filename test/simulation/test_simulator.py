@@ -119,8 +119,8 @@ def test_the_state_is_a_sample_taken_now_whatever_came_before(method):
     start = made.checkpoint()
     for step in (lambda one: one.advance_to(0.3), lambda one: one.command(motor_speed=90.0),
                  lambda one: one.advance_to(0.4), lambda one: one.sample([0.41, 0.5]), lambda one: one.restore(start)):
-        for one in (made, other):
-            step(one)
+        for each in (made, other):
+            step(each)
         look()
     assert states[-1] == states[0] != states[1]
 

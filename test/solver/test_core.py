@@ -1,4 +1,4 @@
-"""The compiled kernels: the bits of their text as plain Python, from every build, without fused products."""
+"""The compiled kernels: built from the present text, without fused products; `test_digests.py` compares their bits."""
 
 import os
 import re
@@ -16,40 +16,6 @@ ROOT = Path(__file__).parents[2]
 PATIENCE = 600.0  # [s]
 SOLVER = Path(core.__file__).parent
 BUILDS = sorted(path.name.partition(".")[0] for path in SOLVER.glob("core*.so"))
-#: Three scenes: with friction that falls with the speed, of the device, and with a dc motor; each by exact with
-#: accounts, by fixed steps and with the filter, with commands under way.
-RUNS = """
-import hashlib, sys
-import numpy as np
-import vibro_ros
-from vibro_ros.simulation.simulator import Simulator
-if sys.argv[1:]:
-    from vibro_ros.solver import typed
-    assert typed._core.__name__.endswith(sys.argv[1])
-
-for name, duration in (("damped", 0.1), ("device", 0.1), ("machine", 0.01)):
-    for method in ("exact", "rk4", "rk4_located"):
-        device = Simulator(vibro_ros.load_scene(name).with_parameters(
-            {"solver.method": method, "solver.step": 2e-4, "solver.accounts": method == "exact"}),
-            **({"acceleration_bandwidth": 200.0} if method == "exact" else {}))
-        digest = hashlib.sha256()
-        for part in range(1, 5):
-            samples = device.sample(np.linspace(device.time, part * duration / 4.0, 5))
-            digest.update(b"".join(values.tobytes() for values in vars(samples).values()))
-            device.command(upper_gap=0.001 * part)
-        if method == "exact":
-            accounts = [value for name, value in device.statistics.items() if name != "wall_time"]
-            digest.update(repr((device.filtered_acceleration(), accounts)).encode())
-        events = device.take_events()
-        for field in ("time", "speed", "peak_force", "duration"):
-            digest.update(np.ascontiguousarray(events[field]).tobytes())
-        print(name, method, len(events), device.statistics["steps"], digest.hexdigest())
-"""
-ONLY_PORTABLE = """
-import sys
-from vibro_ros.solver import core
-sys.modules["vibro_ros.solver.core_v3"] = core
-"""
 
 
 def output_of(*words: str, **environment: str) -> str:
@@ -58,20 +24,6 @@ def output_of(*words: str, **environment: str) -> str:
                           env={**os.environ, **environment})
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-@pytest.mark.process
-def test_plain_python_has_the_bits_of_compiled_kernels():
-    compiled = output_of("-c", RUNS)
-    assert len(set(compiled.splitlines())) == 9
-    assert output_of("-c", RUNS, VIBRO_ROS_PLAIN="1") == compiled
-
-
-@pytest.mark.process
-@pytest.mark.skipif(len(BUILDS) < 2, reason="there is one build for this kind of processor")
-def test_all_builds_have_the_same_bits():
-    assert core.has_wide_registers(), "this processor cannot run the second build"
-    assert output_of("-c", ONLY_PORTABLE + RUNS, "core") == output_of("-c", RUNS, "core_v3")
 
 
 @pytest.mark.skipif(len(BUILDS) < 2, reason="there is one build for this kind of processor")

@@ -1,4 +1,6 @@
-"""The event loop on systems of a few rows: friction oscillators with known answers, and the ends of the loop."""
+"""The event loop on systems of a few rows: oscillators with friction or blows, with known answers, and the ends of the
+loop.
+"""
 
 import math
 
@@ -11,24 +13,24 @@ from vibro_ros.solver.channels import Channels
 
 FORWARD, BACKWARD, STICK = 0, 1, 2
 RATE = 100.0  # Ω of the spring [rad/s]
+DRIVEN = Channels(1, 1, 1, 0)
+
+
+def form(position=0.0, velocity=0.0, signal=0.0, one=0.0):
+    """Return a row of coefficients of the channels of a driven oscillator."""
+    row = np.zeros(DRIVEN.count)
+    row[[DRIVEN.position(0), DRIVEN.velocity(0), DRIVEN.signal(0), DRIVEN.one]] = position, velocity, signal, one
+    return row
 
 
 def friction_oscillator(friction, drive=0.0):
     """Return q'' = -Ω² q + drive cos(phase) - friction sign(q'), which sticks while the force is below friction."""
-    channels = Channels(1, 1, 1, 0)
-
-    def form(position=0.0, velocity=0.0, signal=0.0, one=0.0):
-        row = np.zeros(channels.count)
-        row[[channels.position(0), channels.velocity(0), channels.signal(0), channels.one]] = (
-            position, velocity, signal, one)
-        return row
-
     rows = [[form(-RATE**2, 0, drive, -friction)], [form(-RATE**2, 0, drive, friction)], [form()]]
-    guards = [[Guard(form(velocity=1.0), (STICK, BACKWARD), jump={1: np.zeros(channels.count)})],
-              [Guard(form(velocity=-1.0), (STICK, FORWARD), jump={1: np.zeros(channels.count)})],
+    guards = [[Guard(form(velocity=1.0), (STICK, BACKWARD), jump={1: form()})],
+              [Guard(form(velocity=-1.0), (STICK, FORWARD), jump={1: form()})],
               [Guard(form(RATE**2, 0, -drive, friction), (FORWARD,)),
                Guard(form(-RATE**2, 0, drive, friction), (BACKWARD,))]]
-    return build(channels, rows, guards, cosine_table())
+    return build(DRIVEN, rows, guards, cosine_table())
 
 
 def test_coulombs_free_oscillator():
@@ -77,6 +79,30 @@ def test_the_turning_points_of_den_hartogs_oscillator():
     points, _, _ = Integration(system, [2.5], [0.0], mode=STICK, speed=0.8 * RATE).sample(turns)
     np.testing.assert_allclose(abs(points[:, 0]), den_hartog(0.8, 0.2), rtol=1e-13)
     assert np.all(abs(points[:, 1]) < 1e-9)
+
+
+def test_the_period_one_impact_oscillator():
+    """A13. q'' + Ω² q = a Ω² cos(phase), rigid stop at q = d, restitution e: one blow a period at v.
+
+    The orbit attracts, so that after many periods only rounding is left; v = 3.572472 m/s.
+    """
+    rate, speed, reach, stop, restitution = 111.80340, 100.0, 0.02, 0.03, 0.7
+    velocity = form(velocity=1.0)
+    wall = Guard(form(one=stop, position=-1.0), (0,), strike=True,
+                 jump={0: form(one=stop), 1: -restitution * velocity})
+    row = form(position=-rate**2, signal=reach * rate**2)
+    system = build(DRIVEN, [[row]], [[wall]], cosine_table(), monitor=(0 * velocity, velocity, {}))
+    run = Integration(system, [0.0], [0.0], speed=speed)
+    period = 2 * math.pi / speed
+    run.sample(period * np.arange(1, 2001))
+    late = [(time, approach) for time, kind, approach, *_ in run.events if time > 1900 * period]
+    response = reach * rate**2 / (rate**2 - speed**2)
+    v = np.array([approach for _, approach in late])
+    equation = (stop + v * (1 + restitution) / (2 * rate * math.tan(rate * period / 2)))**2 + (
+        v * (1 - restitution) / (2 * speed))**2
+    np.testing.assert_allclose(np.diff([time for time, _ in late]), period, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(equation, response**2, rtol=1e-11)
+    np.testing.assert_allclose(v, 3.572472, rtol=0, atol=5e-7)
 
 
 def bouncing_mass():

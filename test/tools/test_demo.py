@@ -23,7 +23,7 @@ def children(program: Executable) -> dict[str, int]:
     pids = [int(pid) for listing in Path(f"/proc/{program.pid}/task").glob("*/children")
             for pid in listing.read_text().split()]
     words = {pid: Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0") for pid in pids}
-    return {word.rpartition(".")[2]: pid for pid, one in words.items() for word in one
+    return {word.rpartition(".")[2]: pid for pid, command in words.items() for word in command
             if word.startswith("vibro_ros.ros.")}
 
 
@@ -120,25 +120,25 @@ def test_the_user_decides_who_may_meet_whom(monkeypatch, chosen, used):
 
 def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path, domain_id):
     """Ctrl-C in a terminal goes to all three processes at once."""
-    one = tool("tools.demo", "look", "--port", "0")
-    one.wait_for("ready: 200 Hz")
-    one.wait_for("view: http://")
-    with urlopen(re.search(r"http://\S+", one.text)[0], timeout=PATIENCE) as page:
+    demo = tool("tools.demo", "look", "--port", "0")
+    demo.wait_for("ready: 200 Hz")
+    demo.wait_for("view: http://")
+    with urlopen(re.search(r"http://\S+", demo.text)[0], timeout=PATIENCE) as page:
         assert b"/vibro_robot" in page.read()
-    assert f"look | ROS domain {domain_id}, robot /vibro_robot;" in one.text  # that of README's next commands
-    below = children(one)
+    assert f"look | ROS domain {domain_id}, robot /vibro_robot;" in demo.text  # that of README's next commands
+    below = children(demo)
     assert set(below) == {"view", "robot"}
-    os.killpg(one.pid, signal.SIGINT)
-    assert one.end(PATIENCE) == 0, one.text
+    os.killpg(demo.pid, signal.SIGINT)
+    assert demo.end(PATIENCE) == 0, demo.text
     assert not any(Path(f"/proc/{pid}").exists() for pid in below.values())
     assert list((tmp_path / "out").iterdir()) == []  # nothing is recorded unless somebody asks
 
 
 def test_when_one_of_them_is_killed_the_other_ends(tool):
-    one = tool("tools.demo", "look", "--port", "0")
-    one.wait_for("view: http://")
-    below = children(one)
+    demo = tool("tools.demo", "look", "--port", "0")
+    demo.wait_for("view: http://")
+    below = children(demo)
     os.kill(below["robot"], signal.SIGKILL)
-    assert one.end(PATIENCE) == 1
-    assert "make view: robot has ended with exit code -9; it says why above" in one.text
+    assert demo.end(PATIENCE) == 1
+    assert "make view: robot has ended with exit code -9; it says why above" in demo.text
     assert not any(Path(f"/proc/{pid}").exists() for pid in below.values())

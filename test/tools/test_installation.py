@@ -35,7 +35,8 @@ class Installation:
     def entry_points(self) -> list[EntryPoint]:
         """The console scripts that the installed metadata declares."""
         folders = {str(file.parent) for file in self.prefix.glob("**/*-packages/vibro_ros")}
-        named = [found for found in distributions(path=list(folders)) if found.name.replace("-", "_") == "vibro_ros"]
+        named = [package for package in distributions(path=list(folders))
+                 if package.name.replace("-", "_") == "vibro_ros"]
         return list(named[0].entry_points.select(group="console_scripts"))
 
     def run(self, command: str, folder: Path) -> str:
@@ -105,8 +106,8 @@ def test_a_workspace_has_the_types_of_the_interfaces(colcon, tmp_path):
         "import vibro_ros_interfaces", "from rclpy.type_support import check_for_type_support as check",
         "from vibro_ros_interfaces.srv import Push", "from vibro_ros_interfaces.action import GoTo",
         "check(Push)", "check(GoTo)", "print(vibro_ros_interfaces.__file__)"])
-    found = colcon.run(f'"{sys.executable}" -c "{program}"', tmp_path)
-    assert Path(found.strip()).is_relative_to(colcon.prefix.parent / "vibro_ros_interfaces")
+    printed = colcon.run(f'"{sys.executable}" -c "{program}"', tmp_path)
+    assert Path(printed.strip()).is_relative_to(colcon.prefix.parent / "vibro_ros_interfaces")
 
 
 def test_ros2_launch_finds_the_files_of_a_checkout(tmp_path):
@@ -114,8 +115,8 @@ def test_ros2_launch_finds_the_files_of_a_checkout(tmp_path):
     recipe = ["make", "--eval", "linked: ; @$(call LINK_PACKAGE,vibro_ros,.)", f"VENV={tmp_path}",
               f"BIN={Path(sys.executable).parent}"]
     run([*recipe, "linked"], ROOT)
-    found = {name for _, _, names in os.walk(tmp_path / "share" / "vibro_ros") for name in names}
-    assert found >= {file.name for file in (ROOT / "examples" / "launch").glob("*.py")}
+    linked = {name for _, _, names in os.walk(tmp_path / "share" / "vibro_ros") for name in names}
+    assert linked >= {file.name for file in (ROOT / "examples" / "launch").glob("*.py")}
 
 
 def test_a_workspace_has_the_lab_beside_the_device(colcon, tmp_path):
@@ -129,11 +130,15 @@ def test_a_workspace_has_the_lab_beside_the_device(colcon, tmp_path):
     assert "Study the machine" in said
 
 
-def test_every_executable_is_installed(installation):
+def test_executables_and_package_are_installed_and_found(installation, monkeypatch):
     assert {entry.name for entry in installation.entry_points} == {
-        name for name, one in EXECUTABLES.items() if one.installed}
+        name for name, executable in EXECUTABLES.items() if executable.installed}
     for entry in installation.entry_points:
         assert os.access(installation.executables / entry.name, os.X_OK), entry.name
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(installation.prefix))
+    assert get_package_prefix("vibro_ros") == str(installation.prefix)
+    share = Path(get_package_share_directory("vibro_ros"))
+    assert (share / "package.xml").read_bytes() == (ROOT / "package.xml").read_bytes()
 
 
 def test_configuration_is_installed_and_found(installation, tmp_path):
@@ -144,18 +149,10 @@ def test_configuration_is_installed_and_found(installation, tmp_path):
     assert {file.name for file in (share / "launch").glob("*.py")} == {
         file.name for file in (ROOT / "examples" / "launch").glob("*.py")}
     program = "from vibro_ros.configuration.scene_file import config_folder; print(config_folder())"
-    found = installation.run(f'"{sys.executable}" -c "{program}"', tmp_path)
-    assert Path(found.strip()) == share / "config"
+    printed = installation.run(f'"{sys.executable}" -c "{program}"', tmp_path)
+    assert Path(printed.strip()) == share / "config"
 
 
 def test_type_checkers_see_its_types_and_tests_are_not_shipped(wheel):
     (packages,) = wheel.prefix.glob("**/*-packages")
     assert (packages / "vibro_ros" / "py.typed").is_file() and not (packages / "test").exists()
-
-
-def test_ament_index_knows_the_package(installation, monkeypatch):
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(installation.prefix))
-    assert get_package_prefix("vibro_ros") == str(installation.prefix)
-    assert Path(get_package_share_directory("vibro_ros"), "package.xml").read_bytes() == (
-        ROOT / "package.xml"
-    ).read_bytes()

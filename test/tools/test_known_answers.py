@@ -20,18 +20,18 @@ def docstrings(path: Path) -> dict[str, str]:
 
 def cited_numbers() -> dict[tuple[str, str], set[str]]:
     """Return the numbers in the docstring of each test of the repository, by file and test."""
-    found = {(path.name, test): set(NUMBER.findall(text)) for folder in ("test", "lab/test")
+    cited = {(path.name, test): set(NUMBER.findall(text)) for folder in ("test", "lab/test")
              for path in (ROOT / folder).rglob("test_*.py") for test, text in docstrings(path).items()}
-    return {test: numbers for test, numbers in found.items() if numbers}
+    return {test: numbers for test, numbers in cited.items() if numbers}
 
 
 def numbers_on_page() -> dict[tuple[str, str], set[str]]:
     """Return the numbers of each test on the page, by file and test."""
-    found: dict[tuple[str, str], set[str]] = {}
+    on_page: dict[tuple[str, str], set[str]] = {}
     for number, row in ROWS:
         for test in re.findall(r"`(test_\w+\.py)::(test_\w+)`", row):
-            found.setdefault(test, set()).add(number)
-    return found
+            on_page.setdefault(test, set()).add(number)
+    return on_page
 
 
 def test_numbers_run_from_one_without_a_gap():

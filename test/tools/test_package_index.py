@@ -11,7 +11,7 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from vibro_ros.process.executables import EXECUTABLES
 
 PREFIX = Path(sys.prefix)
-INSTALLED = {name for name, one in EXECUTABLES.items() if one.installed}
+INSTALLED = {name for name, executable in EXECUTABLES.items() if executable.installed}
 
 pytestmark = pytest.mark.skipif(not (PREFIX / "ready.done").exists(), reason="not the .venv of `make setup`")
 

@@ -76,6 +76,12 @@ def drawn_frames(page, count: int) -> list[dict]:
     })""", count)
 
 
+def enter(page, knob: str, number: str, key: str = "Enter") -> None:
+    """Type a number into the field of a knob, and leave it by a key."""
+    page.fill(f"#{knob}", number)
+    page.press(f"#{knob}", key)
+
+
 def robot_message(page) -> str:
     """Return the robot's message that the page shows."""
     return page.inner_text("#said")

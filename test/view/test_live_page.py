@@ -3,12 +3,13 @@
 
 import contextlib
 import time
+from collections import defaultdict
 
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from observation import stop
-from page_reading import drawn, drawn_frames, robot_message, shows_robot, until
+from page_reading import drawn, drawn_frames, enter, robot_message, shows_robot, until
 from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
 from real_processes import CRAWL
@@ -24,17 +25,10 @@ class Published:
     """The robot's samples by their stamps [ns], received by a node of the test."""
 
     def __init__(self, bench):
-        self._bench = bench
-        self._bodies: dict[int, dict[str, float]] = {}
-        self._joints: dict[int, dict[str, float]] = {}
-        self._newest = 0  # stamp of which both messages have come
+        self.samples: dict[int, dict[str, float]] = defaultdict(dict)
+        self._bench, self._newest = bench, 0  # stamp of which both messages have come
         bench.node.create_subscription(Odometry, "odom", self._hear_body, QOS)
         bench.node.create_subscription(JointState, "joint_states", self._hear_joints, QOS)
-
-    @property
-    def samples(self) -> dict[int, dict[str, float]]:
-        """Return the samples for which both messages have come."""
-        return {stamp: self._bodies[stamp] | self._joints[stamp] for stamp in self._bodies.keys() & self._joints.keys()}
 
     def hear_until(self, stamp: int) -> None:
         """Receive until a sample later than an instant [ns] has come."""
@@ -42,23 +36,19 @@ class Published:
 
     def _hear_body(self, message: Odometry) -> None:
         position, velocity = message.pose.pose.position, message.twist.twist.linear
-        self._bodies[_stamp(message)] = {"body_position": position.x, "body_height": position.z,
-                                         "body_velocity": velocity.x, "body_vertical_velocity": velocity.z}
-        self._take(_stamp(message))
+        self._take(message, {"body_position": position.x, "body_height": position.z,
+                             "body_velocity": velocity.x, "body_vertical_velocity": velocity.z})
 
     def _hear_joints(self, message: JointState) -> None:
-        found = self._joints.setdefault(_stamp(message), {})
-        for name, *values in zip(message.name, message.position, message.velocity, message.effort, strict=True):
-            found |= dict(zip(JOINTS[name], values, strict=True))
-        self._take(_stamp(message))
+        joints = zip(message.name, message.position, message.velocity, message.effort, strict=True)
+        self._take(message, {field: value for name, *values in joints
+                             for field, value in zip(JOINTS[name], values, strict=True)})
 
-    def _take(self, stamp: int) -> None:
-        if stamp in self._bodies and stamp in self._joints:
+    def _take(self, message: Odometry | JointState, values: dict[str, float]) -> None:
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        self.samples[stamp] |= values
+        if {"body_position", "crank_angle"} <= self.samples[stamp].keys():
             self._newest = max(self._newest, stamp)
-
-
-def _stamp(message) -> int:
-    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
 @pytest.fixture
@@ -89,8 +79,7 @@ def test_the_page_of_a_running_robot(start, published, view, open_page, bench):
     for page in pages:
         until(page, stands_still, "time stands still")
     assert len({str(drawn(page)) for page in pages}) == 1
-    pages[1].fill("#motor_speed", "20")
-    pages[1].press("#motor_speed", "Enter")
+    enter(pages[1], "motor_speed", "20")
     pages[2].click("#pause")
     for page in pages:
         until(page, lambda page: drawn(page)["quantities"]["motor_speed"] == 20.0, "the command of another page")
@@ -146,11 +135,9 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     page = open_page()
     open_robot(page, view)
     speed = commanded_speed(page, bench, heard)
-    page.fill("#upper_gap", "0,5")  # a German keyboard's decimal sign; typed in mm, sent in m
-    page.press("#upper_gap", "Tab")
+    enter(page, "upper_gap", "0,5", key="Tab")  # a German keyboard's decimal sign; typed in mm, sent in m
     until(page, lambda page: abs(drawn(page)["quantities"]["upper_plate_position"] - 0.0605) < 1e-12, "the gap")
-    page.fill("#motor_speed", "1e6")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "1e6")
     robot.wait_for("1e+06")
     bench.spin_until(lambda: heard[-1] == 1e6, "what was refused")
     assert drawn(page)["quantities"]["motor_speed"] == speed
@@ -158,8 +145,7 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
     assert page.inner_text("#motor_speed_words") == ""  # gone with the number that was refused
     assert "refused" not in robot_message(page)  # nor is it said a second time
-    page.fill("#motor_speed", "4.5.0")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "4.5.0")
     assert "“4.5.0” is no number" in page.inner_text("#motor_speed_words")
     until(page, lambda page: page.inner_text("#motor_speed_words") == "", "enough time to read it")
     assert shown(page, "motor_speed") == [speed] * 3  # what is in force
@@ -185,8 +171,7 @@ def follows_what_is_in_force(page, bench) -> None:
     page.focus(".knob:has(#motor_speed) [type=range]")
     page.keyboard.press("ArrowUp")
     until(page, lambda page: drawn(page)["quantities"]["motor_speed"] == 110.5, "one step from what is in force")
-    page.fill("#motor_speed", "1e6")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "1e6")
     assert "is refused" in page.inner_text("#motor_speed_words")
     page.click("#reset")
     assert page.inner_text("#motor_speed_words") == ""
@@ -195,13 +180,11 @@ def follows_what_is_in_force(page, bench) -> None:
 
 
 def sets_another_floor(page, view) -> None:
-    page.fill("#ground_friction", "0,35")
-    page.press("#ground_friction", "Enter")
+    enter(page, "ground_friction", "0,35")
     with view.address.visit() as visit:
         while visit.wait_for("robot")["machine"]["knobs"][-1]["value"] != 0.35:
             pass
-    page.fill("#ground_friction", "-1")
-    page.press("#ground_friction", "Enter")
+    enter(page, "ground_friction", "-1")
     until(page, lambda page: "-1 is refused" in page.inner_text("#ground_friction_words"), "the refusal")
     until(page, lambda page: page.input_value("#ground_friction") == "0.35", "what is in force")
 
@@ -240,13 +223,11 @@ def saved(page, button: str, path):
 
 
 def stops_the_motor_that_a_page_has_commanded(page, view, bench, heard) -> None:
-    page.fill("#motor_speed", "70")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "70")
     until(page, lambda page: shown(page, "motor_speed") == [70.0] * 3, "the motor turns")
     page.click("#stop")
     until(page, lambda page: shown(page, "motor_speed") == [0.0] * 3, "the motor stands")
-    page.fill("#motor_speed", "80")
-    page.press("#motor_speed", "Enter")
+    enter(page, "motor_speed", "80")
     until(page, lambda page: shown(page, "motor_speed") == [80.0] * 3, "the motor turns")
     page.close()
     bench.spin_until(lambda: heard[-1] == 0.0, "the motor's stop")
@@ -256,8 +237,7 @@ def stops_the_motor_that_a_page_has_commanded(page, view, bench, heard) -> None:
 def commanded_speed(page, bench, heard: list[float]) -> float:
     """Set a speed by the knob that robot and test both receive; DDS drops messages that only one side is ready for."""
     for speed in map(float, range(50, 60)):
-        page.fill("#motor_speed", f"{speed:g}")
-        page.press("#motor_speed", "Enter")
+        enter(page, "motor_speed", f"{speed:g}")
         with contextlib.suppress(AssertionError):
             bench.spin_until(lambda speed=speed: speed in heard, "the command", patience=5.0)
             bench.spin_until(lambda speed=speed: drawn(page)["quantities"]["motor_speed"] == speed, "the motor's speed",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from page_reading import COLOURED, drawn, shows_robot, until
+from page_reading import COLOURED, drawn, enter, shows_robot, until
 from real_processes import CRAWL
 from robot_bag import robot_bag
 
@@ -102,8 +102,7 @@ def test_a_live_page_can_be_read_reached_and_heard(start, view, open_page):
     for page in pages:
         page.goto(view.address.url)
         until(page, shows_robot)
-    pages[0].fill("#motor_speed", "1e6")
-    pages[0].press("#motor_speed", "Enter")
+    enter(pages[0], "motor_speed", "1e6")
     for page, (width, _, touch) in zip(pages, SIZES, strict=True):
         until(page, lambda page: "1e+06" in page.inner_text("#said") or  # of another page, or beside the own field
               "1000000 is refused" in page.inner_text("#motor_speed_words"), "a refusal")

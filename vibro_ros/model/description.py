@@ -154,7 +154,7 @@ class _Description:
         inertial = total * self._model.system.equations[:, body]
         inertial = inertial + sum(self._ground.forces.values())
         if self._has_dry_friction:
-            inertial = inertial + self._builder.ground_force("friction_force")
+            inertial = inertial + self._builder.friction_force()[self._builder.mode_set.stance]
         first = self._ground.states[0]
         yield f"{total:g} x'' = {self._ground.driving_symbol}{' - F_fr' if self._has_dry_friction else ''}"
         yield from self._with_remark("F_in = ", self._texts(inertial, first), "eq. (7)")

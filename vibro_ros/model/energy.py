@@ -13,15 +13,15 @@ unpaid. The kinetic energy of the body is then m1 V² / 2 and that of the masses
 reaction the body's equation is that of a body of the total mass M.
 """
 
+import functools
 import math
 from collections.abc import Iterator
 
 import numpy as np
 
-from vibro_ros.model.forms import Form, Forms, ModeForms
-from vibro_ros.model.modes import ModeBuilder
+from vibro_ros.model.forms import Form, Forms, StanceForms
+from vibro_ros.model.modes import ModeBuilder, ModeSet
 from vibro_ros.model.scene import Scene
-from vibro_ros.solver.equations import terms
 from vibro_ros.solver.system import NOTHING, AccountTable, GuardTable
 
 #: The accounts, by their numbers in the solver: `solver.energy.MOTOR` and `RAMPS` come first.
@@ -36,25 +36,26 @@ LOSSES = (*ACCOUNTS[2:7], "copper", "bearing")
 
 #: A `Power` is an account, a force and the channel of the velocity along it. A `Stored` energy is a form, its weight by
 #: mode, and the account of its change by a blow.
-Power = tuple[int, Form | ModeForms, int]
+Power = tuple[int, Form | StanceForms, int]
 Stored = tuple[Form, np.ndarray | float, int]
 
 
 def account_table(builder: ModeBuilder, scene: Scene, guards: GuardTable) -> AccountTable:
     """Return the accounts of a scene with the tables `guards`; empty unless the scene asks for accounts."""
-    forms, modes, booked = builder.forms, len(builder.modes), scene["solver.accounts"]
-    powers = list(_powers(builder, scene)) if booked else []
-    stored = list(_stored(builder, scene)) if booked else []
-    force = np.zeros((modes, len(powers), forms.channels.count))
-    stored_weight = np.zeros((modes, len(stored)))
+    forms, mode_set = builder.forms, builder.mode_set
+    if not scene["solver.accounts"]:
+        return _no_accounts(mode_set, guards.row.shape, forms.channels.count)
+    powers, stored = list(_powers(builder, scene)), list(_stored(builder, scene))
+    force = np.zeros((len(mode_set.stances), len(powers), forms.channels.count))
+    stored_weight = np.zeros((len(mode_set.stances), len(stored)))
     for p, (_, form, _) in enumerate(powers):
         force[:, p] = form
     for e, (_, weight, _) in enumerate(stored):
         stored_weight[:, e] = weight
     # Momentum of a mass along its guide [N s]; its change in a jump is the shock of the plate.
-    body, plates = forms.body_velocity(), forms.plates if booked else ()
+    body = forms.body_velocity()
     momenta = [scene[f"mass.{side}"] * (forms.velocity(forms.guides.index(side)) + (
-        forms.along(side, body) if scene["effects.reaction"] else 0.0)) for side in plates]
+        forms.along(side, body) if scene["effects.reaction"] else 0.0)) for side in forms.plates]
     # Energy [J] of the heights of a body that hops, with its masses, and of masses that feel their weight.
     weights = [forms.weight(side)[forms.channels.one] * forms.position(i) for i, side in enumerate(forms.guides)]
     if scene["effects.mass_weight"]:
@@ -62,16 +63,28 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: GuardTable) -> Acc
         weights += [part.mass * (part.direction[0] * downhill + part.direction[1] * down) * forms.units[
             forms.channels.signal(part.signal)] for part in forms.linkage]
     stored_linear = sum(weights, _height(forms, scene))
+    force_by_mode, terms = mode_set.with_terms(force)
     return AccountTable(
-        force=force, terms=terms(force),
+        force=force_by_mode, terms=terms,
         rate=np.array([rate for *_, rate in powers], dtype=np.int64),
         account=np.array([account for account, *_ in powers], dtype=np.int64),
         stored_form=np.array([form for form, *_ in stored]).reshape(len(stored), forms.channels.count),
-        stored_weight=stored_weight,
-        stored_linear=np.array(stored_linear if booked else forms.zero),
+        stored_weight=stored_weight[mode_set.stance],
+        stored_linear=np.array(stored_linear),
         jump=_jump_accounts(builder, guards, np.array([account for *_, account in stored], dtype=np.int64)),
         momentum=np.array(momenta).reshape(len(momenta), forms.channels.count),
         struck=np.arange(len(momenta), dtype=np.int64))
+
+
+@functools.lru_cache(maxsize=64)
+def _no_accounts(mode_set: ModeSet, guards: tuple[int, ...], count: int) -> AccountTable:
+    """Return the accounts of a scene that asks for none, with so many `guards`, shape (modes, guards of a mode), and so
+    many channels."""
+    modes, numbers = len(mode_set.modes), np.empty(0, np.int64)
+    return AccountTable(
+        force=np.empty((modes, 0, count)), terms=np.empty((modes, 0, count), np.int64), rate=numbers, account=numbers,
+        stored_form=np.empty((0, count)), stored_weight=np.empty((modes, 0)), stored_linear=np.zeros(count),
+        jump=np.empty((*guards, 0), np.int64), momentum=np.empty((0, count)), struck=numbers)
 
 
 def _kinetic_energies(forms: Forms, scene: Scene, with_body: bool) -> Iterator[tuple[Form, float]]:
@@ -80,11 +93,6 @@ def _kinetic_energies(forms: Forms, scene: Scene, with_body: bool) -> Iterator[t
         parts = zip(scene.direction(side), forms.body_velocity(), strict=True)
         velocities = [part * forms.velocity(i) + rate for part, rate in parts] if with_body else [forms.velocity(i)]
         yield from ((velocity, scene[f"mass.{side}"]) for velocity in velocities)
-
-
-def _moved_mass(scene: Scene) -> float:
-    """Mass [kg] that moves as the body does, when the masses on the guides are counted by themselves."""
-    return math.fsum(scene[f"mass.{part}"] for part in ("body", *scene.linkage))
 
 
 def _height(forms: Forms, scene: Scene) -> Form:
@@ -96,13 +104,6 @@ def _height(forms: Forms, scene: Scene) -> Form:
         if not force.account:
             energy = energy + constant * forms.position(forms.body)
     return energy
-
-
-def _motor_energies(builder: ModeBuilder) -> Iterator[tuple[Form, float]]:
-    """Yield the motor's stored energies, each as a form and its weight: θ' with J, and i with L."""
-    if builder.motor:
-        yield builder.motor.speed, builder.motor.inertia
-        yield builder.motor.current, builder.motor.inductance
 
 
 def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
@@ -132,23 +133,18 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
             if force.account:
                 yield ACCOUNTS.index(force.account), -constant * forms.one - damping * forms.velocity(forms.body), speed
         if builder.ground.has_dry_friction:
-            yield _FRICTION, -builder.ground_force("friction_force"), speed
+            yield _FRICTION, -builder.friction_force(), speed
         if not paid:
             yield _UNPAID, builder.at_contact(forms.inertial_force), speed
-    yield from ((_UNPAID, push, rate) for push, rate in _pushes(forms) if paid)
+    for coordinate, push in zip((forms.body, forms.height), forms.push, strict=True):
+        if push and paid:  # a push is part of F_in and N
+            yield _UNPAID, push * forms.one, channels.velocity(coordinate)
     if forms.body_hops and not paid:
         lift = scene.total_mass * scene.gravity[1] * forms.one - builder.at_contact(forms.normal_force)
         yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), channels.velocity(forms.height)
 
 
-def _pushes(forms: Forms) -> Iterator[tuple[Form, int]]:
-    """Yield forces from outside on the body, with the channels of its velocities; they are part of F_in and N."""
-    for row, force in zip((forms.body, forms.height), forms.push, strict=True):
-        if force:
-            yield force * forms.one, forms.channels.velocity(row)
-
-
-def _damper(account: int, damping: float, rate: Form | ModeForms, mass: int, other: int) -> Iterator[Power]:
+def _damper(account: int, damping: float, rate: Form | StanceForms, mass: int, other: int) -> Iterator[Power]:
     """Yield the power -c (q' - s')² as two forces, -c (q' - s') and c (q' - s'), on the damper's ends."""
     if damping > 0.0:
         yield account, -damping * rate, mass
@@ -159,8 +155,9 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
     """Yield the stored energies; those of the masses come first, as `AccountTable.momentum` requires."""
     forms, paid = builder.forms, scene["effects.reaction"]
     yield from ((velocity, mass, _BLOWS) for velocity, mass in _kinetic_energies(forms, scene, paid))
+    with_body = math.fsum(scene[f"mass.{part}"] for part in ("body", *scene.linkage))  # without the masses on guides
     for rate in forms.body_velocity():
-        yield rate, _moved_mass(scene) if paid else scene.total_mass, _BLOWS if paid else _UNPAID
+        yield rate, with_body if paid else scene.total_mass, _BLOWS if paid else _UNPAID
     # With V the body's velocity, m (s' + e V)²/2 - m (e V)²/2, because m V²/2 belongs to the body. The crank gives the
     # change of this energy in a shock of the body.
     for part in forms.linkage:
@@ -169,7 +166,9 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
         giver = _BLOWS if forms.has_rotor else _MOTOR  # a crank that is struck pays as the body does
         yield rate + of_body, part.mass, giver
         yield of_body, -part.mass, giver
-    yield from ((form, weight, _BLOWS) for form, weight in _motor_energies(builder))
+    if builder.motor:
+        yield builder.motor.speed, builder.motor.inertia, _BLOWS
+        yield builder.motor.current, builder.motor.inductance, _BLOWS
     for side in forms.guides:
         yield forms.stretch(side)[0], scene[f"{side}.spring.stiffness"], _BLOWS
     for _, _, stiffness in scene.ground_laws.values():
@@ -182,8 +181,8 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
 
 def _jump_accounts(builder: ModeBuilder, guards: GuardTable, at_blows: np.ndarray) -> np.ndarray:
     """Return the accounts of the energy changes in a guard's jump, shape (modes, guards, stored energies)."""
-    effect, plates = guards.effect[:, :, None], len(builder.forms.plates)
-    others = np.where(builder.mode_set.airborne[:, None, None], _LANDINGS, _FRICTION)
+    effect, plates, mode_set = guards.effect[:, :, None], len(builder.forms.plates), builder.mode_set
+    others = np.where(mode_set.airborne[mode_set.stance][:, None, None], _LANDINGS, _FRICTION)
     others = np.where((0 <= effect) & (effect < plates), _PLATE_DAMPERS, others)
     is_blow_or_motor = (guards.blow_monitor[:, :, None] != NOTHING) | (at_blows == _MOTOR)
     return np.where(is_blow_or_motor, at_blows, others)

@@ -57,27 +57,13 @@ FAULTS: Mapping[str, Fault] = {
 
 
 class Incident(NamedTuple):
-    """A requested fault, checked.
+    """A requested fault, checked."""
 
-    Attributes
-    ----------
-    fault : str
-        A name of `FAULTS`.
-    duration : float
-        How long the fault lasts [s]; 0 ends it.
-    of : str
-        The part that fails, or empty.
-    value : float
-        The fault's number, in its unit; 0 if the fault needs none.
-    from_x, to_x : float
-        The stretch of the ground [m]; 0 if the fault needs none.
-    """
-
-    fault: str
-    duration: float
-    of: str = ""
-    value: float = 0.0
-    from_x: float = 0.0
+    fault: str  # a name of `FAULTS`
+    duration: float  # how long the fault lasts [s]; 0 ends it
+    of: str = ""  # the part that fails, or empty
+    value: float = 0.0  # the fault's number, in its unit; 0 if the fault needs none
+    from_x: float = 0.0  # the stretch of the ground [m], from here to `to_x`; 0 if the fault needs none
     to_x: float = 0.0
 
 

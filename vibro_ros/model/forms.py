@@ -22,8 +22,8 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.solver.channels import Channels
 
 Form = np.ndarray
-#: A form for each mode, shape (modes, channels).
-ModeForms = np.ndarray
+#: A form for each stance of `modes.ModeSet`, shape (stances, channels).
+StanceForms = np.ndarray
 
 #: Push of zero [N], along x and upwards.
 NO_PUSH = (0.0, 0.0)
@@ -34,11 +34,6 @@ NO_EDGES = (-math.inf, math.inf)
 MASS = {"upper": "u", "inclined": "w"}
 SLIDER = {"upper": "s_B", "inclined": "s_C"}
 PLATE = {"upper": "E", "inclined": "H"}
-
-
-def pressed_only(scene: Scene) -> bool:
-    """Whether a negative N counts as zero: by the rule `unilateral`, and by `hop`, where it is rounding error."""
-    return scene["effects.normal_force"] in ("unilateral", "hop")
 
 
 def cached(method: Callable) -> Callable:
@@ -83,7 +78,8 @@ class Forms:
         self.guides = scene.guides  # those whose masses are simulated
         self.plates = scene.plates  # guides that have a plate
         self.body_moves, self.body_hops = scene.body_moves, scene.body_hops  # whether x and y are coordinates
-        self.pressed_only = pressed_only(scene)
+        # whether a negative N counts as zero: by the rule `unilateral`, and by `hop`, where it is rounding error
+        self.pressed_only = scene["effects.normal_force"] in ("unilateral", "hop")
         self.has_misprint = scene["effects.misprint"]
         self.friction_decays = (  # by Stribeck's law, with a static coefficient above mu
             self.body_moves and scene.has_dry_friction and scene["effects.friction"] == "stribeck"
@@ -180,7 +176,7 @@ class Forms:
         mass = self._scene[f"mass.{side}"]
         return (mass * down * upwards + mass * downhill * along_x) * self.one
 
-    def resting_force(self, side: str, body: tuple[Form | ModeForms, Form | ModeForms]) -> Form | ModeForms:
+    def resting_force(self, side: str, body: tuple[Form | StanceForms, Form | StanceForms]) -> Form | StanceForms:
         """Push of a mass on the rigid plate on which the mass rests [N], which holds q'' at 0.
 
         `body` is the body's acceleration along x and upwards [m/s²], in one mode or in every mode.
@@ -190,7 +186,7 @@ class Forms:
             return force
         return force - self._scene[f"mass.{side}"] * self.along(side, body)
 
-    def along(self, side: str, vector: tuple[Form | ModeForms, Form | ModeForms]) -> Form | ModeForms:
+    def along(self, side: str, vector: tuple[Form | StanceForms, Form | StanceForms]) -> Form | StanceForms:
         """Component of a vector along a guide; `vector` has the components along x and upwards."""
         along_x, upwards = self._scene.direction(side)
         return along_x * vector[0] + upwards * vector[1]
@@ -254,6 +250,11 @@ class Target(NamedTuple):
     # whether the jump is a shock in which masses that rest on other plates part from these plates
     frees_resting_masses: bool = False
 
+    @property
+    def leads_to(self) -> tuple[str, str | None, str | None, bool]:
+        """What decides the mode to which the target leads from each mode; see `modes.ModeSet.target_mode`."""
+        return self.state, self.ground, self.bearing, self.frees_resting_masses
+
 
 class Guard(NamedTuple):
     """A condition that holds while a state lasts: form >= 0."""
@@ -272,6 +273,7 @@ class Guard(NamedTuple):
     event: str = ""  # kind of the event that is recorded if the state does not change, or empty
 
 
+@functools.cache
 def without_jump(*states: str) -> tuple[Target, ...]:
     """Return targets for these states, in this order, that change no position or velocity."""
     return tuple(Target(state) for state in states)
@@ -286,10 +288,11 @@ def solve(matrices: np.ndarray, forms: np.ndarray) -> np.ndarray:
     """
     matrix, solution, systems = matrices.copy(), forms.copy(), np.arange(len(matrices))
     unknowns = range(matrix.shape[1])
-    for k in unknowns:
+    for k in unknowns[:-1]:
         pivot = k + abs(matrix[:, k:, k]).argmax(axis=1)
-        for rows in (matrix, solution):
-            rows[systems, k], rows[systems, pivot] = rows[systems, pivot], rows[systems, k]
+        if (pivot != k).any():
+            for rows in (matrix, solution):
+                rows[systems, k], rows[systems, pivot] = rows[systems, pivot], rows[systems, k]
         for i in unknowns[k + 1:]:
             share = (matrix[:, i, k] / matrix[:, k, k])[:, None]
             matrix[:, i] -= share * matrix[:, k]

@@ -16,7 +16,9 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from vibro_ros.model.forms import NO_EDGES, Form, Forms, Guard, ModeForms, Target, without_jump
+import numpy as np
+
+from vibro_ros.model.forms import NO_EDGES, Form, Forms, Guard, StanceForms, Target, without_jump
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import REST_SPEED, BodyShock, Landing
 
@@ -77,23 +79,20 @@ class Ground:
         else:
             self.states = ("grounded", *(("airborne",) if forms.body_hops else ()))
 
-    def normal_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
-        """N [N] in `state`, from N on the ground and F_in in every mode."""
-        return self._forms.zero if state == "airborne" else normal
+    def friction_force(self, multiple: np.ndarray, normal: StanceForms, inertial: StanceForms) -> StanceForms:
+        """F_fr [N], positive when F_fr opposes forward motion, from N on the ground and F_in.
 
-    def friction_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
-        """F_fr [N] in `state`, positive when F_fr opposes forward motion."""
-        multiple = GROUND_STATES[state].friction
-        if multiple is None:
-            return self.driving_force(state, normal, inertial)
-        kinetic, static = (pair[multiple < 0.0] for pair in (self._kinetic, self._static))
+        `multiple`, shape (stances, 1), is `GroundState.friction` in every stance, and NaN for None.
+        """
+        kinetic, static = (np.where(multiple < 0.0, backward, forward)
+                           for forward, backward in (self._kinetic, self._static))
         force = kinetic * normal
         if self._forms.friction_decays:
             force = force + (static - kinetic) * self._forms.decayed_normal_force()
-        return multiple * force
+        return np.where(np.isnan(multiple), self.driving_force(inertial), multiple * force)
 
-    def driving_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
-        """F_in less every force along the ground except dry friction [N]; the same in every `state`."""
+    def driving_force(self, inertial: Form | StanceForms) -> Form | StanceForms:
+        """F_in less every force along the ground except dry friction [N]."""
         return inertial - sum(self.forces.values())
 
     def decay_rate(self, state: str) -> float:
@@ -126,12 +125,12 @@ class Ground:
 
     def _force_guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str]) -> list[Guard]:
         """Guards of `state` except those of the ground's edges."""
-        driving = self.driving_force(state, normal, inertial)
-        symbol = f"({self.driving_symbol})" if self.forces else self.driving_symbol
         if state == "airborne":
             height = self._forms.position(self._forms.height)
             return [Guard(height, tuple(self._landings(resting)), "y >= 0", entries_decide=True,
                           event="landing")]
+        driving = self.driving_force(inertial)
+        symbol = f"({self.driving_symbol})" if self.forces else self.driving_symbol
         if state == "stick":
             forward, backward = self._static
             return self._normal_force_guards(state, normal) + [

@@ -10,7 +10,8 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 1. `model/parameters.py`: the choice, or each number with unit, limits and description. A default leaves the paper's
    robot as it is. A number that enters no equation is listed in `_OPERATION` of `model/scene.py` as well.
 2. `model/parameter_checks.py`: a check refuses a value that contradicts another choice, by a ValueError
-   "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
+   "parameter: value ...; give ...": in `check_machine` or, for what enters no equation, in `check_operation`.
+   `ParameterValues` says which parts the robot has.
 3. `lab/benchmark/support.py`: a row of `SUPPORT` says whether the peer and the baseline have the parameter. They refuse
    a parameter without a row. Their equations: `lab/benchmark/heyoka_robot/equations.py` and
    `lab/benchmark/rk4_by_hand.py`.
@@ -44,10 +45,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
-from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached, solve
+from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, StanceForms, cached, solve
 from vibro_ros.model.ground import GROUND_STATES, Ground
 from vibro_ros.model.motor import BEARING, LIMITS, Bearing, CurrentLoop, Motor
 from vibro_ros.model.scene import Scene
+from vibro_ros.solver.equations import terms
 from vibro_ros.solver.system import NOTHING
 
 #: Outputs of a mode that are linear forms, in the order of the rows of `Model.output`.
@@ -84,11 +86,6 @@ class Mode:
         bearing = next((state for state in self.states if state in BEARING), "")
         return bearing, next((state for state in self.states if state in LIMITS), "")
 
-    @property
-    def pressing(self) -> frozenset[str]:
-        """Guides whose masses press on their plates."""
-        return self.closed | self.resting
-
 
 class Context(NamedTuple):
     """States on which an effect's guards depend; modes with the same context have the same guards of the effect."""
@@ -101,8 +98,8 @@ class Context(NamedTuple):
 class ModeBuilder:
     """The modes of a scene, with equations, guards and outputs as forms.
 
-    Equations and outputs are made for all modes at once: row m of `ModeForms`, shape (modes, channels), is the form in
-    mode m. `push` and `edges` are as `compile_scene` has them.
+    Equations and outputs are made for all stances of `ModeSet` at once: row k of `StanceForms`, shape (stances,
+    channels), is the form in stance k. `push` and `edges` are as `compile_scene` has them.
     """
 
     def __init__(self, scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tuple[float, float] = NO_EDGES):
@@ -118,8 +115,8 @@ class ModeBuilder:
         states = (*(effect.states for effect in inner), self.ground.states)
         self.mode_set = mode_set(self.forms.guides, self.forms.plates, tuple(map(type, inner)), states,
                                  self.forms.has_misprint)
-        self.modes = self.mode_set.modes
-        self._shape = len(self.modes), self.forms.channels.count
+        self.modes, self.stances = self.mode_set.modes, self.mode_set.stances
+        self._shape = len(self.stances), self.forms.channels.count
 
     @property
     def initial_mode(self) -> int:
@@ -128,13 +125,13 @@ class ModeBuilder:
         return self.mode_set.number((*("open" for _ in self.contacts), *motor, self.ground.states[0]))
 
     def equations(self) -> np.ndarray:
-        """Accelerations of the coordinates [m/s²], shape (modes, coordinates, channels): the masses', then x'' and y''.
+        """Accelerations of the coordinates [m/s²], shape (stances, coordinates, channels): the masses', then x'', y''.
 
         The rows of the solver's dynamic coordinates read no acceleration; the rows of driven coordinates may read
         accelerations of dynamic coordinates.
         """
         forms, (along_x, upwards) = self.forms, self.body_acceleration()
-        rows = np.empty((len(self.modes), forms.channels.coordinates, forms.channels.count))
+        rows = np.empty((len(self.stances), forms.channels.coordinates, forms.channels.count))
         masses = slice(len(forms.guides))
         rows[:, masses] = self._mass_accelerations()
         if forms.body_moves:
@@ -153,12 +150,20 @@ class ModeBuilder:
                 lambda bearing, loop: motor.current_rate(loop))
         return rows
 
-    def by_motor_state(self, form: Callable[[str, str], Form]) -> ModeForms:
-        """Return `form(bearing, current loop)` in every mode, by the states of both; "" for an absent one."""
+    def by_motor_state(self, form: Callable[[str, str], Form]) -> StanceForms:
+        """Return `form(bearing, current loop)` in every stance, by the states of both; "" for an absent one."""
         return np.array([form(*states) for states in self.mode_set.motors])[self.mode_set.motor]
 
     @cached
-    def body_acceleration(self) -> tuple[ModeForms, ModeForms]:
+    def algebraic_current(self) -> StanceForms:
+        """Current [A] of a dc motor's winding without inductance, in every stance; zero with inductance."""
+        assert (motor := self.motor)
+        if motor.inductance:
+            return np.zeros(self._shape)
+        return self.by_motor_state(lambda bearing, loop: motor.drawn_current(loop)) + 0.0
+
+    @cached
+    def body_acceleration(self) -> tuple[StanceForms, StanceForms]:
         """x'' and y'' [m/s²] as forms of the masses' accelerations; y'' is zero on the ground.
 
         M x'' = F_in - F_fr (eq. 1), and every other force along the ground. In the air, where N = 0,
@@ -167,23 +172,23 @@ class ModeBuilder:
         forms, total = self.forms, self._scene.total_mass
         along_x, upwards = np.zeros(self._shape), np.zeros(self._shape)
         if forms.body_moves:
-            along_x += self.at_contact(forms.inertial_force) - sum(self.ground.forces.values())
+            along_x += self.ground.driving_force(self.at_contact(forms.inertial_force))
             if self.ground.has_dry_friction:
-                along_x -= self.ground_force("friction_force")
+                along_x -= self.friction_force()
             along_x /= total
-        airborne = self.mode_set.airborne
-        upwards[airborne] = -self.at_contact(forms.normal_force)[airborne] / total
+        if forms.body_hops:
+            upwards = np.where(self.mode_set.airborne[:, None], -self.at_contact(forms.normal_force) / total, 0.0)
         return along_x, upwards
 
     def _mass_accelerations(self) -> np.ndarray:
-        """u'' and w'' [m/s²], shape (modes, guides, channels); zero for a mass that rests on a rigid plate.
+        """u'' and w'' [m/s²], shape (stances, guides, channels); zero for a mass that rests on a rigid plate.
 
         m2 u'' = -F2 and m3 w'' = -F3 (eq. 1). The weight adds m2 g and m3 g cos(phi) to F2 and F3. With the reaction
         the left sides are m2 (u'' + y'') and m3 (w'' - x'' sin(phi) + y'' cos(phi)), and x'' and y'', which are forms
         of u'' and w'', are eliminated.
         """
         scene, forms, body, n = self._scene, self.forms, self.body_acceleration(), len(self.forms.guides)
-        inertia, loads = np.zeros((len(self.modes), n, n)), np.empty((len(self.modes), n, forms.channels.count))
+        inertia, loads = np.zeros((len(self.stances), n, n)), np.empty((len(self.stances), n, forms.channels.count))
         first = forms.channels.acceleration(0)
         accelerations = slice(first, first + n)  # of the masses
         for i, side in enumerate(forms.guides):
@@ -209,26 +214,31 @@ class ModeBuilder:
         """Whether the guide `side` has a compliant plate."""
         return side in self.forms.plates and self._scene[f"effects.{side}_contact"] == "compliant"
 
-    def while_pressing(self, side: str, form: Form | ModeForms) -> ModeForms:
-        """The form in the modes in which the mass of `side` presses on its plate, and zero in the others."""
+    def while_pressing(self, side: str, form: Form | StanceForms) -> StanceForms:
+        """The form in the stances in which the mass of `side` presses on its plate, and zero in the others."""
         return np.where(self.mode_set.pressing[side][:, None], form, 0.0)
 
     @cached
-    def ground_force(self, name: str) -> ModeForms:
-        """The `normal_force` or the `friction_force` [N]."""
-        normal, inertial = self.at_contact(self.forms.normal_force), self.at_contact(self.forms.inertial_force)
-        by_state, law = np.empty((len(self.ground.states), *self._shape)), getattr(self.ground, name)
-        for s, state in enumerate(self.ground.states):
-            by_state[s] = law(state, normal, inertial)
-        return by_state[self.mode_set.ground, np.arange(len(self.modes))]
+    def normal_force(self) -> StanceForms:
+        """N [N], which is 0 in the air."""
+        return np.where(self.mode_set.airborne[:, None], 0.0, self.at_contact(self.forms.normal_force))
 
     @cached
-    def at_contact(self, force: Callable[[bool], Form]) -> ModeForms:
-        """N or F_in [N] in every mode; `force` returns it by whether the inclined plate is in contact."""
+    def friction_force(self) -> StanceForms:
+        """F_fr [N], positive when F_fr opposes forward motion."""
+        normal, inertial = self.at_contact(self.forms.normal_force), self.at_contact(self.forms.inertial_force)
+        return self.ground.friction_force(self.mode_set.friction, normal, inertial)
+
+    @cached
+    def at_contact(self, force: Callable[[bool], Form]) -> StanceForms:
+        """N or F_in [N] in every stance, or one row for all; `force` returns it by whether the inclined plate is in
+        contact, which matters to the misprint alone."""
+        if not self.forms.has_misprint:
+            return force(False)[None]
         return np.array([force(False), force(True)])[self.mode_set.inclined_closed]
 
     @cached
-    def contact_force(self, side: str) -> Form | ModeForms:
+    def contact_force(self, side: str) -> Form | StanceForms:
         """Push of a mass on its plate [N] if they are in contact."""
         if self.has_compliant_plate(side):
             return self.forms.plate_force(side)
@@ -239,26 +249,27 @@ class ModeBuilder:
         m = self.mode_set.number(mode.states)
         for context in self.mode_set.contexts[m]:
             for guard in self.guards_in(context):
-                yield guard, context.effect, [int(self.mode_set.target_modes(context.effect, target)[m])
+                yield guard, context.effect, [self.mode_set.target_mode(mode, context.effect, target.leads_to)
                                               for target in guard.targets]
 
     def guards_in(self, context: Context) -> list[Guard]:
         """Return the guards of an effect's state."""
         m = self.mode_set.first_with[context]
-        mode, (along_x, upwards) = self.modes[m], self.body_acceleration()
+        mode, stance = self.modes[m], self.mode_set.stance[m]
         if context.effect < len(self.contacts):
-            plate = self.contacts[context.effect]
-            return plate.guards(context.state, mode.ground, mode.resting, (along_x[m], upwards[m]))
+            along_x, upwards = self.body_acceleration()
+            return self.contacts[context.effect].guards(
+                context.state, mode.ground, mode.resting, (along_x[stance], upwards[stance]))
         if self.motor and context.effect < len(mode.states) - 1:
             return self.motor.effects[context.effect - len(self.contacts)].guards(context.state)
-        closed = "inclined" in mode.closed
+        closed = self.forms.has_misprint and "inclined" in mode.closed
         normal, inertial = self.forms.normal_force(closed), self.forms.inertial_force(closed)
         return self.ground.guards(context.state, normal, inertial, mode.resting)
 
     def outputs(self) -> np.ndarray:
         """Forms of the `OUTPUTS`, zero for parts that the scene does not have, and of the linkage's forces; shape
-        (modes, len(OUTPUTS) + linkage, channels)."""
-        forms, rows = self.forms, dict[str, Form | ModeForms]()
+        (stances, len(OUTPUTS) + linkage, channels)."""
+        forms, rows = self.forms, dict[str, Form | StanceForms]()
         if forms.body_moves:
             rows |= {"body_position": forms.position(forms.body), "body_velocity": forms.velocity(forms.body)}
         if forms.body_hops:
@@ -270,13 +281,13 @@ class ModeBuilder:
         for side in forms.plates:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
             rows[f"{side}_plate_force"] = self.while_pressing(side, self.contact_force(side))
-        rows["normal_force"] = self.ground_force("normal_force")
+        rows["normal_force"] = self.normal_force()
         if forms.body_moves:
-            rows["friction_force"] = self.ground_force("friction_force")
+            rows["friction_force"] = self.friction_force()
         if motor := self.motor:
             rows |= {"motor_voltage": self.by_motor_state(lambda bearing, loop: motor.voltage(loop)),
                      "motor_current": motor.current}
-        outputs = np.zeros((len(self.modes), len(OUTPUTS) + len(forms.linkage), forms.channels.count))
+        outputs = np.zeros((len(self.stances), len(OUTPUTS) + len(forms.linkage), forms.channels.count))
         for name, form in rows.items():
             outputs[:, _OUTPUT_ROWS[name]] = form
         for k, part in enumerate(forms.linkage, start=len(OUTPUTS)):
@@ -284,20 +295,20 @@ class ModeBuilder:
         return outputs
 
     def signal_loads(self) -> np.ndarray:
-        """Force on each signal along it [N], shape (modes, signals, channels): the pull of a drive on its slider, less
-        the force that moves the masses of the linkage."""
+        """Force on each signal along it [N], shape (stances, signals, channels): the pull of a drive on its slider,
+        less the force that moves the masses of the linkage."""
         forms = self.forms
-        loads = np.zeros((len(self.modes), forms.channels.signals, forms.channels.count))
+        loads = np.zeros((len(self.stances), forms.channels.signals, forms.channels.count))
         for i, side in enumerate(forms.guides):
             loads[:, i] = forms.drive_force(side)
         for part in forms.linkage:
             loads[:, part.signal] -= self.linkage_force(part)
         return loads
 
-    def linkage_force(self, part: LinkageMass) -> ModeForms:
+    def linkage_force(self, part: LinkageMass) -> StanceForms:
         """Force of the crank that moves a mass of the linkage in its direction [N]."""
         forms, scene, (along_x, upwards) = self.forms, self._scene, part.direction
-        load = np.tile(forms.units[forms.channels.signal_acceleration(part.signal)], (len(self.modes), 1))
+        load = np.tile(forms.units[forms.channels.signal_acceleration(part.signal)], (len(self.stances), 1))
         if scene["effects.reaction"]:
             of_body = self.body_acceleration()
             load += along_x * of_body[0] + upwards * of_body[1]
@@ -307,7 +318,11 @@ class ModeBuilder:
 
 
 class ModeSet:
-    """The modes of a choice of effects; made by `mode_set`, once for all scenes with these effects."""
+    """The modes of a choice of effects; made by `mode_set`, once for all scenes with these effects.
+
+    Modes with the same *stance*, which are the plates in contact and the states of motor and ground, have the same
+    equations and outputs.
+    """
 
     def __init__(self, guides: tuple[str, ...], plates: tuple[str, ...],
                  kinds: tuple[Kind, ...], states: tuple[tuple[str, ...], ...],
@@ -316,22 +331,28 @@ class ModeSet:
             frozenset(side for side, state in zip(plates, of_mode, strict=False) if state == wanted)
             for wanted in ("closed", "resting"))) for of_mode in itertools.product(*states))
         self._number_by_states = {mode.states: m for m, mode in enumerate(self.modes)}
-        # by guide with a plate: the modes in which its mass presses on the plate
-        self.pressing = {side: np.array([side in mode.pressing for mode in self.modes]) for side in plates}
-        # state of the ground in each mode, as an index in the ground's states
-        self.ground = np.array([states[-1].index(mode.ground) for mode in self.modes])
-        self.airborne = np.array([mode.ground == "airborne" for mode in self.modes])
-        # different states of a dc motor's bearing and current loop, and the index of those of each mode
-        self.motors = tuple(dict.fromkeys(mode.motor for mode in self.modes))
-        self.motor = np.array([self.motors.index(mode.motor) for mode in self.modes])
-        # 1 in the modes in which the inclined mass presses on its compliant plate, else 0
-        self.inclined_closed = np.array([int("inclined" in mode.closed) for mode in self.modes])
-        # For each set of masses that move together in some modes, as indices of arrays by mode and guide: the rows of
-        # these masses, shape (modes, masses), and the blocks that couple them, shape (modes, masses, masses).
+        # number of each mode's stance, in the order of the modes that have a stance first; and the first mode of each
+        stances = [(mode.closed, mode.resting, mode.motor, mode.ground) for mode in self.modes]
+        distinct = list(dict.fromkeys(stances))
+        self.stance = np.array([distinct.index(stance) for stance in stances])
+        self.stances = tuple(self.modes[stances.index(stance)] for stance in distinct)
+        # by guide with a plate: the stances in which its mass presses on the plate
+        self.pressing = {side: np.array([side in mode.closed | mode.resting for mode in self.stances])
+                         for side in plates}
+        # `GroundState.friction` in each stance, shape (stances, 1); NaN for None
+        self.friction = np.array([[GROUND_STATES[mode.ground].friction] for mode in self.stances], dtype=float)
+        self.airborne = np.array([mode.ground == "airborne" for mode in self.stances])
+        # different states of a dc motor's bearing and current loop, and the index of those of each stance
+        self.motors = tuple(dict.fromkeys(mode.motor for mode in self.stances))
+        self.motor = np.array([self.motors.index(mode.motor) for mode in self.stances])
+        # 1 in the stances in which the inclined mass presses on its compliant plate, else 0
+        self.inclined_closed = np.array([int("inclined" in mode.closed) for mode in self.stances])
+        # For each set of masses that move together in some stances, as indices of arrays by stance and guide: the rows
+        # of these masses, shape (stances, masses), and the blocks that couple them, shape (stances, masses, masses).
         self.moving = []
-        for resting in dict.fromkeys(mode.resting for mode in self.modes):
+        for resting in dict.fromkeys(mode.resting for mode in self.stances):
             moving = [i for i, side in enumerate(guides) if side not in resting]
-            rows = [m for m, mode in enumerate(self.modes) if mode.resting == resting]
+            rows = [k for k, mode in enumerate(self.stances) if mode.resting == resting]
             if moving:
                 self.moving.append((np.ix_(rows, moving), np.ix_(rows, moving, moving)))
         self.contexts = tuple(tuple(_contexts(mode, kinds, contact_changes_ground_force)) for mode in self.modes)
@@ -342,16 +363,12 @@ class ModeSet:
         self.distinct_contexts = tuple(dict.fromkeys(itertools.chain.from_iterable(self.contexts)))
         numbers = {context: k for k, context in enumerate(self.distinct_contexts)}
         self._context_numbers = [[numbers[context] for context in contexts] for contexts in self.contexts]
-        self._target_modes: dict[tuple, np.ndarray] = {}
-        self._padded: dict[tuple[int, ...], np.ndarray] = {}
         # kinds of events, by mode before and mode after
-        self.event_kind = np.full((len(self.modes), len(self.modes)), NOTHING)
-        for old_mode, new_mode in itertools.permutations(range(len(self.modes)), 2):
-            old, new = self.modes[old_mode].ground, self.modes[new_mode].ground
-            event = GROUND_STATES[old].ends or GROUND_STATES[new].begins if old != new else _crank_event(
-                self.modes[old_mode].motor[0], self.modes[new_mode].motor[0])
-            if event:
-                self.event_kind[old_mode, new_mode] = MODE_EVENTS.index(event)
+        ground_and_bearing = [(mode.ground, mode.motor[0]) for mode in self.modes]
+        pairs = list(dict.fromkeys(ground_and_bearing))
+        number = np.array([pairs.index(states) for states in ground_and_bearing])
+        self.event_kind = np.array([[_event_kind(old, new) for new in pairs] for old in pairs])[
+            number[:, None], number]
         # the modes that follow when a plate's speed changes, because a mass may part from the plate
         self.mode_after_ramp_change = np.empty((len(self.modes), len(plates)), dtype=np.int64)
         for (m, mode), k in itertools.product(enumerate(self.modes), range(len(plates))):
@@ -364,41 +381,46 @@ class ModeSet:
 
     def padded(self, counts: tuple[int, ...]) -> np.ndarray:
         """Return the numbers of each mode's guards, shape (modes, most guards of a mode), if the guards are numbered
-        context by context in the order of `distinct_contexts`, of which each has so many; padded with their sum. Read
-        only."""
-        if counts not in self._padded:
-            firsts = [0, *itertools.accumulate(counts)]
-            of_mode = [[k for number in numbers for k in range(firsts[number], firsts[number + 1])]
-                       for numbers in self._context_numbers]
-            most = max(1, max(map(len, of_mode)))
-            self._padded[counts] = np.array([guards + [firsts[-1]] * (most - len(guards)) for guards in of_mode])
-        return self._padded[counts]
+        context by context in the order of `distinct_contexts`, of which each has so many; padded with their sum."""
+        firsts = [0, *itertools.accumulate(counts)]
+        of_mode = [[k for number in numbers for k in range(firsts[number], firsts[number + 1])]
+                   for numbers in self._context_numbers]
+        most = max(1, max(map(len, of_mode)))
+        return np.array([guards + [firsts[-1]] * (most - len(guards)) for guards in of_mode])
 
-    def target_modes(self, effect: int, target: Target) -> np.ndarray:
-        """Number of the mode to which a target of an effect leads from every mode, shape (modes,); `NOTHING` from a
-        mode whose effect has no such target. Read only."""
-        key = effect, target.state, target.frees_resting_masses, target.ground, target.bearing
-        if key not in self._target_modes:
-            self._target_modes[key] = np.array([self._number_by_states.get(self._target_states(mode, effect, target),
-                                                                           NOTHING) for mode in self.modes])
-        return self._target_modes[key]
+    def target_mode(self, mode: Mode, effect: int, leads_to: tuple[str, str | None, str | None, bool]) -> int:
+        """Number of the mode to which a target of an effect leads from `mode`; `NOTHING` if the effect has no such
+        target there."""
+        state, ground, bearing, frees_resting_masses = leads_to
+        states = ["open" if frees_resting_masses and old == "resting" else old for old in mode.states]
+        states[effect] = state
+        if ground:
+            states[-1] = ground
+        if bearing:
+            states[next(k for k, old in enumerate(states) if old in BEARING)] = bearing
+        return self._number_by_states.get(tuple(states), NOTHING)
 
-    @staticmethod
-    def _target_states(mode: Mode, effect: int, target: Target) -> tuple[str, ...]:
-        states = ["open" if target.frees_resting_masses and state == "resting" else state for state in mode.states]
-        states[effect] = target.state
-        if target.ground:
-            states[-1] = target.ground
-        if target.bearing:
-            states[next(k for k, state in enumerate(states) if state in BEARING)] = target.bearing
-        return tuple(states)
+    def with_terms(self, forms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return forms by stance, shape (stances, ..., channels), as forms by mode; and the channels that these read
+        (`terms`)."""
+        return forms[self.stance], _terms_by_mode(self, (forms != 0.0).tobytes(), forms.shape)
 
 
-def _crank_event(old: str, new: str) -> str:
-    """Return the kind of event that a change of the bearing's state records, or an empty text."""
-    if old == new:
-        return ""
-    return "crank_stops" if new == "stuck" else "crank_turns"
+@functools.lru_cache(maxsize=64)
+def _terms_by_mode(mode_set: ModeSet, nonzeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
+    """Return `terms` by mode of forms by stance with these entries other than 0; cached, because all scenes of a sweep
+    have the same."""
+    return terms(np.frombuffer(nonzeros, dtype=bool).reshape(shape))[mode_set.stance]
+
+
+def _event_kind(old: tuple[str, str], new: tuple[str, str]) -> int:
+    """Return the kind of event that a change of the states of ground and bearing records, or `NOTHING`."""
+    (old_ground, old_bearing), (ground, bearing) = old, new
+    if old_ground != ground:
+        event = GROUND_STATES[old_ground].ends or GROUND_STATES[ground].begins
+    else:
+        event = "" if old_bearing == bearing else "crank_stops" if bearing == "stuck" else "crank_turns"
+    return MODE_EVENTS.index(event) if event else NOTHING
 
 
 def _contexts(mode: Mode, kinds: tuple[Kind, ...],

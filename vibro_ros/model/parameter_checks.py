@@ -106,8 +106,8 @@ def _check_friction(values: ParameterValues) -> None:
         raise ValueError(f"ground.friction_backward: {backward:g} makes a one-way wheel, which is sound only where N "
                          "is never 0, and elsewhere slides on its tyre; choose weight for effects.normal_force, or "
                          f"give at most {BY_NAME['ground.friction'].maximum:g}")
-    # The friction coefficient at which the inertia of slipping body and inclined mass is singular. It is above twice
-    # the body's mass over all others, whatever the directions in which these move.
+    # The friction coefficient at which the inertia of slipping body and inclined mass is singular. The coefficient is
+    # at least twice the body's mass over the sum of all other masses, whatever the directions in which these move.
     largest = max(map(abs, values.slipping_frictions))
     others = values.total_mass - values["mass.body"]
     if (not values["effects.reaction"] or values["effects.normal_force"] == "weight"
@@ -222,7 +222,8 @@ def _check_solver(values: ParameterValues) -> None:
 def _check_sensors(values: ParameterValues) -> None:
     for name in _OF_PRESET:
         if AS_PRESET < values[name] < 0.0:
-            raise ValueError(f"{name}: {values[name]:g} is below 0; give at least 0, or {AS_PRESET:g} for the preset's")
+            raise ValueError(f"{name}: {values[name]:g} is below 0; give at least 0, or {AS_PRESET:g} for the "
+                             "preset's")
     for name in ("sensors.seed", "sensors.encoder.ticks"):
         if not values[name].is_integer():
             raise ValueError(f"{name}: {values[name]!r} is no whole number; give one")

@@ -38,9 +38,11 @@ class ParameterValues:
     parameters: Mapping[str, Value] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Value:
-        if name not in self.parameters:
+        try:
+            return self.parameters[name]
+        except KeyError:
             parameter_named(name, BY_NAME)  # a ValueError if there is no such parameter
-        return self.parameters[name]
+            raise
 
     @functools.cached_property
     def total_mass(self) -> float:
@@ -59,7 +61,7 @@ class ParameterValues:
         """Whether the crank's angle is a coordinate, not a given function of time: with a dc motor."""
         return self.parameters.get("effects.motor") == "dc"  # `Scene.machine` has this parameter only then
 
-    @property
+    @functools.cached_property
     def crank_is_struck(self) -> bool:
         """Whether a shock of the body changes the crank's speed: with a dc motor, masses of the linkage, and the
         reaction on the masses."""
@@ -82,13 +84,13 @@ class ParameterValues:
         ratio = self["motor.gear_ratio"]
         return ratio * ratio * self["motor.rotor_inertia"] + self["motor.crank_inertia"]
 
-    @property
+    @functools.cached_property
     def kinetic_frictions(self) -> tuple[float, float]:
         """Friction coefficients of a body that moves forwards and backwards."""
         forward, backward = self["ground.friction"], self["ground.friction_backward"]
         return forward, forward if backward == AS_FORWARD else backward
 
-    @property
+    @functools.cached_property
     def resting_frictions(self) -> tuple[float, float]:
         """Friction coefficients that hold a body at rest against a push forwards and backwards.
 
@@ -106,7 +108,7 @@ class ParameterValues:
             limits |= {self["ground.static_friction"], -self["ground.static_friction"]}
         return limits
 
-    @property
+    @functools.cached_property
     def has_dry_friction(self) -> bool:
         """Whether there is dry friction: not with a coefficient of 0, nor with the rule `weight` without gravity."""
         weightless = self["effects.normal_force"] == "weight" and self["gravity"] == 0.0
@@ -134,12 +136,18 @@ class ParameterValues:
 
         A part that is only rounding is 0, because an angle of π/2 means level and one of π upright.
         """
+        return self._directions[side]
+
+    @functools.cached_property
+    def _directions(self) -> dict[str, tuple[float, float]]:
         from vibro_ros.solver.elementary import cos, sin  # as in `gravity`
 
-        angle = self.guide_angle(side)
-        parts = -sin(angle), cos(angle)
-        along_x, upwards = (0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
-        return along_x, upwards
+        directions = {}
+        for side in ("upper", "inclined"):
+            along_x, upwards = -sin(self.guide_angle(side)), cos(self.guide_angle(side))
+            directions[side] = (0.0 if abs(along_x) < _ANGLE_ROUNDING else along_x,
+                                0.0 if abs(upwards) < _ANGLE_ROUNDING else upwards)
+        return directions
 
     @functools.cached_property
     def ground_laws(self) -> dict["GroundForce", tuple[float, float, float]]:
@@ -147,7 +155,7 @@ class ParameterValues:
         laws = {force: force.law(self) for force in GROUND_FORCES}
         return {force: law for force, law in laws.items() if any(law)}
 
-    @property
+    @functools.cached_property
     def body_moves(self) -> bool:
         """Whether a force other than dry friction acts along the ground; a mass on an upright guide exerts none."""
         leans = "inclined" in self.guides and self.direction("inclined")[0] != 0.0

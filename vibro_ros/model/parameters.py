@@ -39,43 +39,19 @@ def quoted(value: object) -> str:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter.
+    """One parameter."""
 
-    Attributes
-    ----------
-    name : str
-        Dotted name, the same in YAML, in ROS and in Python.
-    default : bool, float, str, tuple of str or tuple of float
-        Default value, whose type is the parameter's type; a list of numbers always has as many as the default.
-    unit : str
-        SI unit, empty for pure numbers and choices.
-    description : str
-        One line for users.
-    minimum, maximum : float
-        Inclusive limits of a number, or of each of a list, in its unit.
-    positive : bool
-        True when zero is excluded although `minimum` is 0.
-    choices : tuple of str
-        Allowed values of a text; empty when any text will do.
-    while_running : bool
-        True when the parameter may change while the device runs.
-    negligible : float
-        A number of smaller magnitude, in its unit, counts as zero.
-    smallest : float
-        Least number other than 0, in its unit, where 0 is allowed and has a meaning of its own.
-    """
-
-    name: str
-    default: Value
-    unit: str
-    description: str
-    minimum: float = -math.inf
+    name: str  # dotted, the same in YAML, in ROS and in Python
+    default: Value  # of the parameter's type; a list of numbers always has as many as the default
+    unit: str  # SI unit, empty for pure numbers and choices
+    description: str  # one line for users
+    minimum: float = -math.inf  # inclusive limit of a number, or of each of a list, in its unit
     maximum: float = math.inf
-    positive: bool = False
-    choices: tuple[str, ...] = ()
-    while_running: bool = False
-    negligible: float = 0.0
-    smallest: float = 0.0
+    positive: bool = False  # whether zero is excluded although `minimum` is 0
+    choices: tuple[str, ...] = ()  # allowed values of a text; empty if any text will do
+    while_running: bool = False  # whether the parameter may change while the device runs
+    negligible: float = 0.0  # a number of smaller magnitude, in its unit, counts as zero
+    smallest: float = 0.0  # least number other than 0, in its unit, where 0 is allowed and has a meaning of its own
 
     @property
     def type_name(self) -> str:

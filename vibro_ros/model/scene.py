@@ -21,6 +21,9 @@ _OPERATION = frozenset({
     "motor.voltage", "motor.continuous_current", "body.inertia", "body.wheelbase", "body.crank_offset", "upper.gap",
     "inclined.gap", "gap_actuator.speed", "solver.method", "solver.step", "solver.tolerance"})
 
+# Parameters that enter no equation without a dc motor.
+_WITHOUT_DC_MOTOR = _OPERATION | {name for name in BY_NAME if name.startswith("motor.")}
+
 _DEFAULTS = {name: parameter.default for name, parameter in BY_NAME.items()}
 
 PREFIX = "start."
@@ -150,12 +153,13 @@ class Scene(ParameterValues):
 
     @functools.cached_property
     def machine(self) -> "Scene":
-        """The part of this scene that the equations depend on: no name, and no parameters of `_OPERATION`.
+        """The part of this scene that the equations depend on: no name, no parameters of `_OPERATION`, and those of a
+        dc motor only with one.
 
-        Code that checks or compiles equations and reads one of these parameters gets a KeyError.
+        Code that checks or compiles equations and reads another parameter gets a KeyError.
         """
-        return _unchecked("", {name: value for name, value in self.parameters.items()
-                               if name not in _OPERATION or (name == "effects.motor" and value == "dc")})
+        absent = _OPERATION - {"effects.motor"} if self.has_rotor else _WITHOUT_DC_MOTOR
+        return _unchecked("", {name: value for name, value in self.parameters.items() if name not in absent})
 
 
 #: Refuses a machine (ValueError); one that was accepted is not checked again.

@@ -43,6 +43,7 @@ is smaller by c c^T / J. By Stribeck's law mu falls with the speed, also during 
 `solver.shock` evaluates both from the numbers of a `NonlinearShock`.
 """
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
@@ -84,10 +85,12 @@ class BodyShock:
         self._forms = forms
         self._free = [side for side in forms.guides if scene["effects.reaction"] and side not in not_free]
         self._scene = scene
-        self.inertia = scene.total_mass * np.eye(2)
+        inertia = [[scene.total_mass, 0.0], [0.0, scene.total_mass]]
         for side in self._free:
-            direction = np.array(scene.direction(side))
-            self.inertia -= scene[f"mass.{side}"] * direction * direction[:, None]
+            mass, direction = scene[f"mass.{side}"], scene.direction(side)
+            for i, j in itertools.product(range(2), repeat=2):
+                inertia[i][j] -= mass * direction[j] * direction[i]
+        self.inertia = inertia
 
     def free_mass_jumps(self, change: tuple[Form, Form]) -> Jumps:
         """Jumps of the free masses' speeds along their guides, for a `change` of the body's x' and y' [m/s]."""
@@ -111,7 +114,7 @@ class BodyShock:
         numbers[0] = (
             mass, forms.plates.index(struck) if struck else NOTHING,
             scene[f"mass.{struck}"] * np.array(scene.direction(struck)) if struck else (0.0, 0.0),
-            lifts, restitution, body, height, self.inertia[0, 0], self.inertia[0, 1], self.inertia[1, 1],
+            lifts, restitution, body, height, self.inertia[0][0], self.inertia[0][1], self.inertia[1][1],
             scene.motor_inertia if forms.has_rotor else math.inf, kinetic, static,
             scene["ground.stribeck_speed"] if forms.friction_decays else 0.0,
             has_friction, len(forms.bearings_after_shock) > 1, states)
@@ -157,8 +160,8 @@ class Blow:
         """Jumps of a body that nothing holds and of the free masses; the masses of `resting` move with the body."""
         forms, shock = self._forms, BodyShock(self._scene, self._forms, (self._side, *resting))
         impulse = self._scene[f"mass.{self._side}"] * np.array(self._scene.direction(self._side))
-        change = solve(shock.inertia[None], impulse[None, :, None]).ravel()  # of x' and y', by a unit of the speed
-        along_x, upwards = (part * self._speed_change(restitution) for part in change)
+        by_unit = solve(np.array([shock.inertia]), impulse[None, :, None]).ravel()  # change of x' and y'
+        along_x, upwards = (part * self._speed_change(restitution) for part in by_unit)
         speed, rise = forms.body_velocity()
         body: Jumps = ((forms.channels.velocity(forms.height), rise + upwards),)
         if forms.body_moves:

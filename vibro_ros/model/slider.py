@@ -36,8 +36,8 @@ _BEYOND = economized_powers(LENGTH, _TERMS - LENGTH)
 
 def _of_arrays(function: Callable[[float], float]) -> Callable[[Any], Any]:
     """Return the function of a number as one of a number or an array."""
-    of_array = np.vectorize(function, otypes=[float])
-    return lambda angle: function(angle) if isinstance(angle, float) else of_array(angle)
+    return lambda angle: function(angle) if isinstance(angle, float) else np.array(
+        [function(number) for number in angle.ravel().tolist()]).reshape(angle.shape)
 
 
 _cosine, _sine = _of_arrays(cos), _of_arrays(sin)
@@ -78,9 +78,13 @@ class Slider:
         if self.radius >= self.rod:
             return math.inf
         along = math.remainder(theta - self.angle - 0.5 * math.pi, math.pi)
+        return math.sqrt(along * along + self._across * self._across)
+
+    @functools.cached_property
+    def _across(self) -> float:
+        """Distance from the real axis to a branch point, arcosh(L / l) [rad]."""
         more = (self.rod - self.radius) / self.radius
-        across = log1p(more + math.sqrt(more * (more + 2.0)))  # arcosh(L / l)
-        return math.sqrt(along * along + across * across)
+        return log1p(more + math.sqrt(more * (more + 2.0)))
 
     def least_distance_to_singularity(self, start: float, end: float) -> float:
         """Least distance in the complex plane from the angles between `start` and `end` to a branch point [rad]."""
@@ -115,10 +119,9 @@ def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -
         value = np.concatenate([sliders[k].root(psi[k]) for k in smooth])
         root[smooth] = _root_series(value, np.concatenate(square[smooth])).reshape(len(smooth), -1, _TERMS)
     series = cosine + root
-    economized = np.zeros((*series.shape[:-1], LENGTH))
-    for n in reversed(range(LENGTH, _TERMS)):  # term by term, because a product of matrices adds in any order
-        economized += series[..., n:n + 1] * _BEYOND[n - LENGTH]
-    return series[..., :LENGTH] + economized
+    # Added term by term from the last on, because a product of matrices adds in any order.
+    beyond = (series[..., :LENGTH - 1:-1, None] * _BEYOND[::-1]).cumsum(axis=-2)[..., -1, :]
+    return series[..., :LENGTH] + (beyond + 0.0)  # no -0.0
 
 
 def _cosine_series(at: np.ndarray, half: np.ndarray, factor: float) -> np.ndarray:
@@ -137,7 +140,7 @@ def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
     root[1] /= twice
     for n in range(2, _TERMS):
         term = root[n]
-        term -= np.cumsum(root[1:n] * root[n - 1:0:-1], axis=0)[-1]  # added one after the other
+        term -= (root[1:n] * root[n - 1:0:-1]).cumsum(axis=0)[-1]  # added one after the other
         term /= twice
     return root.T
 
@@ -164,9 +167,11 @@ def _cell_starts(sliders: tuple[Slider, ...]) -> np.ndarray:
     starts = [0.0]
     for kink in kinks:
         while starts[-1] < kink:
-            half = 0.0
+            half, previous = 0.0, math.nan
             for _ in range(_CONTRACTIONS):
+                if half == previous:
+                    break
                 distances = (slider.distance_to_singularity(starts[-1] + half) for slider in sliders)
-                half = min([_LONGEST_HALF] + [CELL_STRIDE * distance for distance in distances])
+                previous, half = half, min([_LONGEST_HALF] + [CELL_STRIDE * distance for distance in distances])
             starts.append(min(starts[-1] + 2.0 * half, kink))
     return np.array(starts)

@@ -257,28 +257,42 @@ _NEGLIGIBLE = 1e-18
 
 
 @part
-def _solve_oscillator(load: Row, stiffness: float, damping: float, half: float, q: Row, v: Row) -> None:
-    """Solve the series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
-    position, velocity = q[0], v[0]
+def _solve_oscillators(load: Rows, rows: Rows, half: float, coordinates: int, i: int, j: int, motion: Rows) -> None:
+    """Solve the series of coordinates i and j, which are not coupled, from their constant terms.
+
+    Each obeys q'' = load + stiffness q + damping v. Two are solved at a time, because each operation on one waits for
+    the one before it; the last of an odd number is solved twice.
+    """
+    dynamic = len(motion) // 2
+    stiffness, damping = rows[i, i], rows[i, coordinates + i]
+    stiffness_j, damping_j = rows[j, j], rows[j, coordinates + j]
+    position, velocity = motion[i, 0], motion[dynamic + i, 0]
+    position_j, velocity_j = motion[j, 0], motion[dynamic + j, 0]
     for n in range(LENGTH - 1):
         step = half * INVERSE[n]
-        acceleration = load[n] + stiffness * position + damping * velocity
-        position = velocity * step
-        velocity = acceleration * step
-        q[n + 1] = position
-        v[n + 1] = velocity
-    positions, velocities, last_load = vector(q), vector(v), load[LENGTH - 1]
+        acceleration = load[i, n] + stiffness * position + damping * velocity
+        acceleration_j = load[j, n] + stiffness_j * position_j + damping_j * velocity_j
+        position, position_j = velocity * step, velocity_j * step
+        velocity, velocity_j = acceleration * step, acceleration_j * step
+        motion[i, n + 1], motion[j, n + 1] = position, position_j
+        motion[dynamic + i, n + 1], motion[dynamic + j, n + 1] = velocity, velocity_j
+
+
+@part
+def _economize_oscillator(load: float, stiffness: float, damping: float, half: float, q: Row, v: Row) -> None:
+    """Add the terms beyond the length, economized, to the series of q and v; `load` is the last term of the load."""
+    position, velocity, positions, velocities = q[LENGTH - 1], v[LENGTH - 1], vector(q), vector(v)
     least_position, least_velocity = _NEGLIGIBLE * (abs(q[0]) + abs(q[1])), _NEGLIGIBLE * (abs(v[0]) + abs(v[1]))
     for k in range(len(_BEYOND)):
         step = half / (LENGTH + k)
-        acceleration = last_load + stiffness * position + damping * velocity
+        acceleration = load + stiffness * position + damping * velocity
         position = velocity * step
         velocity = acceleration * step
         positions = positions + position * vector(_BEYOND[k])
         velocities = velocities + velocity * vector(_BEYOND[k])
         if abs(position) <= least_position and abs(velocity) <= least_velocity:
             break
-        last_load = 0.0
+        load = 0.0
     store(q, positions)
     store(v, velocities)
 
@@ -351,5 +365,8 @@ def solve_series(system: System, state: State, motion: Rows) -> None:
     if system.coupled[mode]:
         _solve_coupled(load, rows, half, coordinates, dynamic, state.scratch.terms, motion)
         return
+    for i in range(0, dynamic, 2):
+        _solve_oscillators(load, rows, half, coordinates, i, min(i + 1, dynamic - 1), motion)
     for i in range(dynamic):
-        _solve_oscillator(load[i], rows[i, i], rows[i, coordinates + i], half, motion[i], motion[dynamic + i])
+        _economize_oscillator(load[i, LENGTH - 1], rows[i, i], rows[i, coordinates + i], half, motion[i],
+                              motion[dynamic + i])

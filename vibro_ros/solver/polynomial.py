@@ -152,6 +152,12 @@ def sum_of_magnitudes(p: Row) -> float:
 def divide_by_root(p: Row, a: float) -> None:
     """Replace p by p / (x - a), dropping the remainder p(a)."""
     carry = 0.0
+    if a == -1.0:  # where most modes begin: the same sums, without the product for which each would wait
+        for n in range(LENGTH - 1, -1, -1):
+            coefficient = p[n]
+            p[n] = carry
+            carry = coefficient - carry
+        return
     for n in range(LENGTH - 1, -1, -1):
         coefficient = p[n]
         p[n] = carry

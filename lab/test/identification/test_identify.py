@@ -133,6 +133,25 @@ def test_a_laboratory_recording_tells_all_thirteen_from_the_defaults(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("robot", "seed", "before"), [("device", 1, 0.0), ("device", 1, 0.7), ("moving", 1, 0.0)])
+def test_a_robot_that_hops_is_found_by_positions_at_a_hundred_hertz(tmp_path, robot, seed, before):
+    """Between two samples a mass strikes and comes back: the states of half turns must go on into the chain, else the
+    motion is lost, with values off by 40 % and a verdict that rejects the right model."""
+    record = laboratory()
+    from laboratory import Faults
+    made = record(tmp_path / "bag", robot, seed=seed, faults=Faults(rate=100.0, positions_only=True,
+                                                                    begins_in_motion=before))
+    found = identify(made.bag, made.scene, THIRTEEN)
+    inside = [low <= made.truth[name] <= high for name, (low, high) in found.intervals.items()]
+    assert sum(inside) >= 12 and found.p_value > 0.01, found.verdict
+    assert found.values["ground.friction"] == pytest.approx(made.truth["ground.friction"], rel=0.01)
+    for side in ("upper", "inclined"):
+        assert found.values[f"{side}.gap"] == pytest.approx(made.truth[f"{side}.gap"], abs=5e-5)
+        name = f"{side}.spring.stiffness"
+        assert found.values[name] == pytest.approx(made.truth[name], rel=0.005)
+
+
+@pytest.mark.slow
 def test_noise_that_neighbours_only_bound_is_taken_taken_from_the_residuals(tmp_path):
     """At 100 Hz a mass moves by 4 mm between two samples: neighbouring values give a hundred times its noise, and a fit
     that weighed by it was up to 70 % off and left a quarter of the windows out."""
@@ -302,6 +321,18 @@ def test_a_motor_that_is_switched_on_at_the_first_sample_rests_there_and_a_runni
         assert start["motor_speed"] == pytest.approx(speed, abs=0.3)
         assert start["crank_angle"] == pytest.approx(0.0, abs=TICK)
         assert [one.kind for one in fitting.nuisances.each] == ["crank_angle"] + ["motor_speed"] * moving
+
+
+def test_a_crank_that_turns_is_not_at_rest_because_its_encoder_has_lost_a_sample():
+    """Of 100 Hz, in the first 20 ms two are left: then the scene's speed, 0, was taken, and the motor began late."""
+    times = np.delete(np.arange(51) / 100.0, 1)
+    encoder = Channel("encoder", "crank_angle", times, TICK * np.round(100.0 * times / TICK), TICK / math.sqrt(12.0),
+                      "resolution", TICK)
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 0.0})
+    fitting = Fitting(Recording(0.0, times[-1], (encoder,), (), ()), Unknowns.of(scene, FREE, {}), 1, print)
+    start = fitting.nuisances.start(fitting.nuisances.coordinates)
+    assert not fitting.nuisances.rests
+    assert start.state["motor_speed"] == start.settings["motor.speed"] == pytest.approx(100.0, abs=0.1)
 
 
 def bag(folder, *, duration=0.5, sensors=("odom", "joint_states", "encoder"), still=False):

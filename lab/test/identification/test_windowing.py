@@ -14,6 +14,7 @@ from vibro_lab.identification.windowing import (
     local_states,
     measured,
     measured_spans,
+    merged,
     positions_of,
     roughness,
     unmeasured,
@@ -69,6 +70,21 @@ def test_where_too_few_samples_are_near_the_state_is_as_given():
     assert found[1, 0] == pytest.approx(body(1.0)[0], abs=3.4e-6)
 
 
+def test_positions_that_are_ten_milliseconds_apart_tell_a_state_where_two_of_them_are_near():
+    """A parabola through samples 10, 20 and 30 ms away is off by the third derivative, 270 m/s³: 270 m/s³ / 6 times
+    10 ms * 20 ms * 30 ms, 0.27 mm, and times the sum of the products of two of them, 0.05 m/s."""
+    times = TIMES[::5]
+    made, names = recording(channel("body_position", body(times)[0], 5e-5, times=times)), NAMES[:2]
+    starts = np.array([0.0, 0.3001, 1.2345])
+    for reach in REACHES:
+        found = local_states(made, names, starts, reach, np.full((3, 2), 7.0))
+        measured_there = found[:, 0] != 7.0
+        assert measured_there[1:].all() and (measured_there[0] or reach == REACHES[-1])
+        exact = np.column_stack(body(starts[measured_there]))
+        assert_allclose(found[measured_there, 0], exact[:, 0], rtol=0, atol=2.8e-4)
+        assert_allclose(found[measured_there, 1], exact[:, 1], rtol=0, atol=0.055)
+
+
 def test_of_two_channels_the_less_noisy_is_taken():
     position, _ = body(TIMES)
     rough, fine = channel("body_position", position + 1.0, 1e-3, "tracking"), channel("body_position", position, 5e-5)
@@ -120,6 +136,15 @@ def test_a_chain_is_joined_covers_the_recording_and_starts_where_it_is_calm(turn
     length = np.diff(found[:-1], axis=1) * 100.0 / (TURN * turns)
     assert (length > 0.69).all() and (length < 1.31).all()
     assert (rough[np.searchsorted(TIMES, found[1:, 0])] < 0.01).all()
+
+
+def test_merged_windows_cover_the_same_and_none_reaches_across_a_pause():
+    edges = np.arange(8.0)
+    spans = np.concatenate([np.column_stack([edges[:-1], edges[1:]]), np.column_stack([edges[:3], edges[1:4]]) + 60.0])
+    found, first = merged(spans, 3)
+    assert found.tolist() == [[0.0, 3.0], [3.0, 6.0], [6.0, 7.0], [60.0, 63.0]]
+    assert first.tolist() == [0, 3, 6, 7]
+    assert merged(spans, 1)[0].tolist() == spans.tolist()
 
 
 def test_no_window_starts_while_the_crank_rests():

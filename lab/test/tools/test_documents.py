@@ -201,8 +201,8 @@ def test_a_document_without_a_place_for_the_table_is_refused(tmp_path):
 
 def test_a_page_carries_the_fingerprint_of_its_sources():
     page = documents.marked("# A page\n", "effects", "0123")
-    assert documents.found_in(page, "effects") == "0123" and documents.found_in(page, "map") == ""
-    assert documents.found_in(documents.marked(page, "effects", "4567"), "effects") == "4567"
+    assert documents.stored_fingerprint(page, "effects") == "0123" and documents.stored_fingerprint(page, "map") == ""
+    assert documents.stored_fingerprint(documents.marked(page, "effects", "4567"), "effects") == "4567"
     assert documents.without_marks(documents.marked(page, "map", "89")) == "# A page\n"
     for document in documents.DOCUMENTS.values():
         assert (ROOT / document.page).is_file()
@@ -232,9 +232,9 @@ def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, c
     monkeypatch.setattr(documents, "DIGESTS", tmp_path / "digests.json")
     monkeypatch.setattr(documents, "module_of", documents.module_of.__wrapped__)
     document = documents.Document("page.md", (), 1.0, ("tools.made:table",), ("scene/device/exact",))
-    before = documents.fingerprint(document)
+    earlier = documents.fingerprint(document)
     (tmp_path / file).write_text(text)
-    assert (documents.fingerprint(document) != before) == changes
+    assert (documents.fingerprint(document) != earlier) == changes
 
 
 @pytest.mark.parametrize(("names", "code"), [([], 0), (["map", "paper"], 1)])
@@ -261,8 +261,8 @@ def test_effects_tables_have_every_effect_and_count_what_is_compiled():
     for name, table in tables.items():
         lines = table.strip().splitlines()
         assert lines[2] == f"| {' | '.join(effects.HEADS)} |"
-        cells = [line.removeprefix("| ").split(" | ")[:5] for line in lines[4:]]
-        assert cells == [effects.counted(effect) for effect in effects.EFFECTS if effect.scene == name]
+        counts = [line.removeprefix("| ").split(" | ")[:5] for line in lines[4:]]
+        assert counts == [effects.counted(effect) for effect in effects.EFFECTS if effect.scene == name]
         whole = effects.size(load_scene(name))
         numbers = f"{whole.states} states, {whole.modes} modes, at most {whole.terms} terms and {whole.guards} guards"
         assert numbers in lines[0]

@@ -20,11 +20,11 @@ def public() -> Iterator[tuple[str, object]]:
     """Yield every public name with its object: functions, classes and their methods."""
     told = {name.partition("(")[0] for row in guide.table("name", "does") for name in guide.names(row[0])}
     for name in (*sorted(told.intersection(vibro_ros.__all__)), *vibro_lab.__all__):
-        documented = getattr(vibro_ros if name in told else vibro_lab, name)
-        yield name, documented
-        yield from ((f"{name}.{key}", value) for key, value in vars(documented).items()
+        value = getattr(vibro_ros if name in told else vibro_lab, name)
+        yield name, value
+        yield from ((f"{name}.{key}", member) for key, member in vars(value).items()
                     if not key.startswith("_") and key in USED.get(name, [key])
-                    and (inspect.isfunction(value) or isinstance(value, property)))
+                    and (inspect.isfunction(member) or isinstance(member, property)))
 
 
 PUBLIC = dict(public())

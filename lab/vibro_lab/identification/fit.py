@@ -22,6 +22,7 @@ from vibro_lab.identification.windowing import (
     local_states,
     measured,
     measured_spans,
+    merged,
     positions_of,
     roughness,
     unmeasured,
@@ -129,6 +130,7 @@ class Fitting:
         """Fit from the scene's own parameters: arcs, half turns, then the chain."""
         settings = self.settings
         parameters = np.append(self.unknowns.coordinates(self.unknowns.scene.parameters), self.nuisances.coordinates)
+        half_turns: tuple[np.ndarray, np.ndarray] | None = None
         if not self._unseen:
             turned, lasting = np.array([(np.ptp(angle), times[-1] - times[0])
                                         for times, angle, *_ in self.stretches]).sum(axis=0).tolist()
@@ -140,21 +142,30 @@ class Fitting:
             if len(spans):
                 parameters = self._scanned(spans[::max(1, len(spans) // settings.scouted)], parameters)
             if len(spans) and not coarse:
-                parameters = self._loosely(spans, parameters, "short arcs", settings.arc_loosenesses, 0)
-            spans = chain(self.stretches, max(settings.half, fewest * speed / math.tau))
-            every = np.unique(np.linspace(0, len(spans) - 1, settings.most_windows).astype(int))
-            parameters = self._loosely(spans[every], parameters, "half turns",
-                                       settings.coarse_loosenesses if coarse else settings.half_loosenesses,
-                                       settings.draws if coarse else 0)
-        return self.followed(parameters)
+                parameters = self._loosely(spans, parameters, "short arcs", settings.arc_loosenesses, 0)[1].parameters
+            turns = max(settings.half, fewest * speed / math.tau)
+            spans = chain(self.stretches, turns)
+            if coarse:
+                spans, at = self._loosely(spans, parameters, "half turns", settings.coarse_loosenesses, settings.draws)
+                spans, first = merged(spans, max(1, round(settings.chain / turns)))
+                parameters, half_turns = at.parameters, (spans, at.states[first])
+            else:
+                every = np.unique(np.linspace(0, len(spans) - 1, settings.most_windows).astype(int))
+                parameters = self._loosely(spans[every], parameters, "half turns", settings.half_loosenesses,
+                                           0)[1].parameters
+        return self.followed(parameters, half_turns)
 
-    def followed(self, parameters: np.ndarray) -> Fit:
-        """Fit the chain of windows from coordinates of parameters that are near, or less near if masses are unseen."""
+    def followed(self, parameters: np.ndarray, half_turns: tuple[np.ndarray, np.ndarray] | None = None) -> Fit:
+        """Fit the chain of windows from coordinates of parameters that are near, or less near if masses are unseen.
+
+        `half_turns` has windows, and the states at their starts, where measurements do not tell these.
+        """
         settings, count = self.settings, len(self.unknowns.each)
         parameters = self._retimed(parameters)
-        shooting = self._shooting(chain(self.stretches, settings.chain))
-        candidates = self._candidates(shooting, parameters)
+        shooting = self._shooting(half_turns[0] if half_turns else chain(self.stretches, settings.chain))
+        candidates = [*(half_turns[1:] if half_turns else ()), *self._candidates(shooting, parameters)]
         at = self._begun(shooting, parameters, candidates)
+        shooting.prior = self._prior(parameters)
         if self._unseen:
             at = self._begun_unseen(shooting, at)
         for looseness in settings.chain_loosenesses[-1:] if self._unseen else settings.chain_loosenesses:
@@ -432,13 +443,11 @@ class Fitting:
         return at
 
     def _loosely(self, spans: np.ndarray, parameters: np.ndarray, what: str, loosenesses: tuple[float, ...],
-                 draws: int) -> np.ndarray:
-        """Return the coordinates that fit windows loosely, from a state for each that the measurements tell; `draws`
-        other speeds are tried where samples are too few to tell them."""
+                 draws: int) -> tuple[np.ndarray, Point]:
+        """Return the windows that have measurements, and the point that fits them loosely, from states that samples
+        tell; `draws` other speeds are tried where samples are too few to tell them."""
         shooting, settings = self._shooting(spans), self.settings
-        shooting.prior = self._prior(parameters, np.array([
-            settings.stiff_weight if name.endswith("plate.stiffness") else settings.weight
-            for name in self.unknowns.names]))
+        shooting.prior = self._prior(parameters)
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
         for looseness in loosenesses:
@@ -448,7 +457,7 @@ class Fitting:
             at = shooting.repaired(at, looseness, candidates)
             at = shooting.minimise(at, looseness, looseness, settings.steps, settings.enough_of_parts)
         self._passes += shooting.passes
-        return at.parameters
+        return shooting.windows.spans, at
 
     def _drawn(self, shooting: Shooting, at: Point, draws: int) -> list[np.ndarray]:
         """Return states with other speeds."""
@@ -536,8 +545,12 @@ class Fitting:
     def _unseen(self) -> bool:
         return bool(unmeasured(self.recording, self._names))
 
-    def _prior(self, parameters: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return a prior around coordinates, with `weights` of the unknowns; that of a sensor's errors is around 0."""
+    def _prior(self, parameters: np.ndarray, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return a prior around coordinates, with `weights` of the unknowns, by default those of the first stages; that
+        of a sensor's errors is around 0."""
+        if weights is None:
+            weights = np.array([self.settings.stiff_weight if name.endswith("plate.stiffness") else self.settings.weight
+                                for name in self.unknowns.names])
         expected, own = parameters.copy(), self.nuisances.weights
         expected[len(weights):] = np.where(own > 0.0, 0.0, parameters[len(weights):])
         return expected, np.concatenate([weights, own])

@@ -219,14 +219,15 @@ def suspicion(fit: Fit, trials: Mapping[str, Callable[[], tuple[Scene, float]]])
         parts = [_gain(fit, np.where((sensors == sensor) & (windows.times // third == k), rates, 0.0),
                        np.zeros_like(at.found.ends)) for k in range(3)]
         shares[f"another clock of {sensor}"] = max(parts) / max(excess, 1.0)
-    best = max(shares, key=shares.__getitem__)
-    if shares[best] < _EXPLAINS:
+    shares = {name: min(share, 1.0) for name, share in shares.items()}  # a derivative that explains more is too long
+    best = max(shares.values())
+    if best < _EXPLAINS:
         return "no effect that can be tried and no clock would explain it"
-    alike = [name for name in sorted(shares, key=shares.__getitem__, reverse=True)
-             if shares[name] > _ALIKE * shares[best]]
-    remedy = f"look at the clock of {best.split()[-1]}" if "clock" in best else "try effects " + ",".join(
-        name.split()[-1] for name in alike if "effect" in name)
-    return f"{' or '.join(alike)} would explain {100.0 * min(shares[best], 1.0):.0f} % of it: {remedy}"
+    alike = sorted((name for name in shares if shares[name] > _ALIKE * best), key=lambda name: -shares[name])
+    effects, clocks = ([name.split()[-1] for name in alike if word in name] for word in ("effect", "clock"))
+    remedies = ["try effects " + ",".join(effects)] * bool(effects) + [
+        "look at the clock of " + ",".join(clocks)] * bool(clocks)
+    return f"{' or '.join(alike)} would explain {100.0 * best:.0f} % of it: {', or '.join(remedies)}"
 
 
 def _gain(fit: Fit, residuals: np.ndarray, ends: np.ndarray) -> float:

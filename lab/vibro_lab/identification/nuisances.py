@@ -20,6 +20,7 @@ from vibro_ros import Scene
 CAMERA = {"scale": (1e-3, 0.02, 0.1), "tilt": (1e-2, 0.1, 0.5)}
 """What may be wrong with a camera: unit of the coordinate, standard deviation expected, and limit."""
 CAMERAS = "odom", "tracking"
+_FIRST = 5  # samples of an encoder that tell a speed beside the jitter of their stamps, if they are far apart
 _STEADY = 0.02  # share of a speed by which it changes where the motor is still on its way to it
 START, SETTING = "start", "setting"
 Errors = Mapping[tuple[str, str], float]
@@ -161,7 +162,8 @@ def crank_at(recording: Recording, begin: float, speed: float, settings: FitSett
     if crank is None or not (from_then := crank.times >= begin).any():
         return 0.0, speed
     times, values = crank.times[from_then], crank.values[from_then]
-    first, angle = times <= times[0] + settings.first, float(values[0])
+    first, angle = times <= times[min(_FIRST, len(times)) - 1], float(values[0])
+    first |= times <= times[0] + settings.first
     if first.sum() > 2:  # a parabola, because the motor may gain speed from the first instant on
         found, covariance = np.polyfit(times[first] - begin, values[first], 2,
                                        w=np.full(first.sum(), 1.0 / crank.sigma), cov="unscaled")

@@ -22,7 +22,8 @@ _NEAR, _FAR = 0.7, 1.3  # shares of a window's turns between which its end is ch
 #: go on across shorter ones, because the motion is still known behind them.
 _PAUSE, _SPACINGS = 0.1, 10.0
 _SHORTEST = 10  # instants of a stretch in which windows begin
-_FEWEST = 3  # samples for a local cubic; a cubic of fewer is of lower degree, as least squares choose
+_SAMPLES = 2.0  # before and after an instant, at least, for a local cubic
+_FEWEST = 4  # samples for a cubic; where they are far apart a line through two is better than no state at all
 
 
 def measured(recording: Recording) -> dict[str, Channel]:
@@ -70,11 +71,15 @@ def measured_spans(recording: Recording) -> np.ndarray:
 
 def local_states(recording: Recording, names: Sequence[str], starts: np.ndarray, reach: tuple[float, float],
                  otherwise: np.ndarray) -> np.ndarray:
-    """Return the states at `starts` [s], shape (starts, states), from measurements within a reach [s] of each.
+    """Return the states at `starts` [s], shape (starts, states), from measurements within a reach [s] of each, which is
+    longer where samples are far apart and tell all numbers.
 
     `otherwise` has the numbers that are not measured there, of the same shape.
     """
     known, states = measured(recording), otherwise.copy()
+    spacing = max(float(np.median(np.diff(one.times))) for one in known.values())
+    longer = 1.0 if unmeasured(recording, names) else max(1.0, _SAMPLES * spacing / REACHES[0][0])
+    (before, after), fewest = (longer * part for part in reach), 2 if longer > 1.0 else _FEWEST
     for j, name in enumerate(names):
         position, speed = positions_of(name)
         for k, start in enumerate(starts.tolist()):
@@ -82,16 +87,17 @@ def local_states(recording: Recording, names: Sequence[str], starts: np.ndarray,
             for field, derivative in ((position, False), (speed, True)):
                 if (channel := known.get(field)) is None:
                     continue
-                first, end = np.searchsorted(channel.times, (start - reach[0], start + reach[1]), side="right")
+                first, end = np.searchsorted(channel.times, (start - before, start + after), side="right")
                 away = channel.times[first:end] - start
                 powers = np.stack([away**0, away, away**2, away**3], axis=1)
                 if derivative:
                     powers = np.stack([0.0 * away, away**0, 2.0 * away, 3.0 * away**2], axis=1)
                 rows.append(powers / channel.sigma)
                 values.append(channel.values[first:end] / channel.sigma)
-            if position in known and sum(map(len, values)) > _FEWEST:
-                scale = np.array([1.0, 1e3, 1e6, 1e9])  # powers of milliseconds, else the rank would be 1 or 2
-                cubic = np.linalg.lstsq(np.concatenate(rows) * scale, np.concatenate(values), rcond=1e-9)[0] * scale
+            if position in known and (count := sum(map(len, values))) >= fewest:
+                scale = np.array([1.0, 1e3, 1e6, 1e9])[:count]  # of milliseconds, else the rank would be 1 or 2
+                powers = np.concatenate(rows)[:, :count] * scale
+                cubic = np.linalg.lstsq(powers, np.concatenate(values), rcond=1e-9)[0] * scale
                 states[k, j] = cubic[0] if name == position else cubic[1]
     return states
 
@@ -129,6 +135,15 @@ def chain(stretches: Sequence[Stretch], turns: float) -> np.ndarray:
     crank rests no other window starts, because masses may lie on stiff plates.
     """
     return np.concatenate([_chain(stretch, turns) for stretch in stretches])
+
+
+def merged(spans: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return spans of so many joined ones each, and the number of the first of each."""
+    joined = np.append(False, spans[1:, 0] == spans[:-1, 1])
+    place = np.arange(len(spans))
+    place -= np.maximum.accumulate(np.where(joined, 0, place))
+    first = np.flatnonzero(place % count == 0)
+    return np.column_stack([spans[first, 0], spans[np.append(first[1:], len(spans)) - 1, 1]]), first
 
 
 def _chain(stretch: Stretch, turns: float) -> np.ndarray:

@@ -49,8 +49,8 @@ def test_every_definition_is_built(package):
 def test_hashes_are_the_official_ones(package):
     """By them ROS peers tell whether they mean the same type."""
     share = Path(get_package_share_directory(package.name))
-    hashes = {one["type_name"]: one["hash_string"] for file in share.glob("*/*.json")
-              for one in json.loads(file.read_text())["type_hashes"]}
+    hashes = {entry["type_name"]: entry["hash_string"] for file in share.glob("*/*.json")
+              for entry in json.loads(file.read_text())["type_hashes"]}
     kinds = {f"{package.name}/{path.rpartition('.')[0]}" for path in definitions(package)}
     if package.name == "vibro_ros_interfaces":
         assert kinds <= set(hashes)  # no other package declares these types
