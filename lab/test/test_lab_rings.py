@@ -67,10 +67,14 @@ def test_a_private_name_is_seen(source):
     assert private_names("vibro_lab.study.sweep", source)
 
 
+#: Names that version 2 of the device has promised to users; the lab no longer takes them.
+PROMISED = {"vibro_ros.find_file", "vibro_ros.read_yaml"}
+
+
 def test_every_public_name_beyond_the_basic_ones_has_a_client(sources):
     """What nobody outside takes need not be public."""
     taken = {name for module, source in sources.items() for name in names_taken(module, source)}
-    assert {name for name in PUBLIC - taken if "__" not in name} <= {DEVICE, "vibro_ros.ros"}
+    assert {name for name in PUBLIC - taken if "__" not in name} <= {DEVICE, "vibro_ros.ros"} | PROMISED
 
 
 def test_arrows_are_those_that_are_drawn(sources):

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 import pytest
@@ -53,8 +52,14 @@ class Observer:
         bench.node.create_subscription(Odometry, "odom", lambda message: self._keep(self.truth, message), deep)
         bench.node.create_subscription(Odometry, "twin/odom", lambda message: self._keep(self.estimates, message), deep)
         bench.node.create_subscription(DiagnosticArray, "/diagnostics", self._learn, 100)
-        for topic, name in (("twin/parameters", "parameters"), ("joint_states", "joints")):
-            bench.node.create_subscription(JointState, topic, partial(setattr, self, name), 10)
+        bench.node.create_subscription(JointState, "twin/parameters", self._keep_parameters, 10)
+        bench.node.create_subscription(JointState, "joint_states", self._keep_joints, 10)
+
+    def _keep_parameters(self, message: JointState) -> None:
+        self.parameters = message
+
+    def _keep_joints(self, message: JointState) -> None:
+        self.joints = message
 
     def _keep(self, kept: dict, message: Odometry) -> None:
         pose, twist = message.pose, message.twist
