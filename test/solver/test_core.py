@@ -1,5 +1,6 @@
 """The compiled kernels: built from the present text, without fused products; `test_digests.py` compares their bits."""
 
+import importlib
 import os
 import re
 import shutil
@@ -58,6 +59,14 @@ def test_the_built_kernels_are_those_of_the_present_text(tmp_path):
     output_of("-m", "vibro_ros.solver.unit", str(tmp_path))
     texts = (tmp_path / "core.pyx").read_text()
     assert core.digest() == re.search(r'return "(\w{64})"', texts).group(1)
+
+
+def test_to_import_the_unit_changes_no_setting(monkeypatch):
+    """A process that walks the modules once gave plain Python to all programs that it started afterwards."""
+    monkeypatch.delitem(sys.modules, "vibro_ros.solver.unit", raising=False)
+    settings = dict(os.environ)
+    importlib.import_module("vibro_ros.solver.unit")
+    assert os.environ == settings
 
 
 @pytest.mark.process

@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 
-os.environ["VIBRO_ROS_PLAIN"] = "1"  # what is being built cannot be imported
+if __name__ == "__main__":  # what is being built cannot be imported
+    os.environ["VIBRO_ROS_PLAIN"] = "1"
 
 from vibro_ros.solver.layout import kinds_of, parts_of  # noqa: E402
 from vibro_ros.solver.typed import Kind  # noqa: E402
