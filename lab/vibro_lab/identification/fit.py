@@ -20,6 +20,7 @@ from vibro_lab.identification.windowing import (
     arcs,
     chain,
     local_states,
+    longer_reach,
     measured,
     measured_spans,
     merged,
@@ -145,14 +146,16 @@ class Fitting:
                 parameters = self._loosely(spans, parameters, "short arcs", settings.arc_loosenesses, 0)[1].parameters
             turns = max(settings.half, fewest * speed / math.tau)
             spans = chain(self.stretches, turns)
-            if coarse:
-                spans, at = self._loosely(spans, parameters, "half turns", settings.coarse_loosenesses, settings.draws)
+            far_apart = longer_reach(self.recording, self._names) > 1.0
+            if not far_apart:
+                spans = spans[np.unique(np.linspace(0, len(spans) - 1, settings.most_windows).astype(int))]
+            loosenesses, draws = (settings.coarse_loosenesses, settings.draws) if coarse else (
+                settings.half_loosenesses, 0)
+            spans, at = self._loosely(spans, parameters, "half turns", loosenesses, draws)
+            parameters = at.parameters
+            if far_apart:  # measurements alone do not tell the states of the chain
                 spans, first = merged(spans, max(1, round(settings.chain / turns)))
-                parameters, half_turns = at.parameters, (spans, at.states[first])
-            else:
-                every = np.unique(np.linspace(0, len(spans) - 1, settings.most_windows).astype(int))
-                parameters = self._loosely(spans[every], parameters, "half turns", settings.half_loosenesses,
-                                           0)[1].parameters
+                half_turns = spans, at.states[first]
         return self.followed(parameters, half_turns)
 
     def followed(self, parameters: np.ndarray, half_turns: tuple[np.ndarray, np.ndarray] | None = None) -> Fit:

@@ -69,6 +69,15 @@ def measured_spans(recording: Recording) -> np.ndarray:
     return np.column_stack([times[firsts], times[lasts]])[is_long if is_long.any() else slice(None)]
 
 
+def longer_reach(recording: Recording, names: Sequence[str]) -> float:
+    """Return how many times longer than `REACHES` a reach must be to have samples for a state; 1 where they are near,
+    or where other numbers than these must tell the state."""
+    if unmeasured(recording, names):
+        return 1.0
+    spacing = max(float(np.median(np.diff(channel.times))) for channel in measured(recording).values())
+    return max(1.0, _SAMPLES * spacing / REACHES[0][0])
+
+
 def local_states(recording: Recording, names: Sequence[str], starts: np.ndarray, reach: tuple[float, float],
                  otherwise: np.ndarray) -> np.ndarray:
     """Return the states at `starts` [s], shape (starts, states), from measurements within a reach [s] of each, which is
@@ -76,9 +85,7 @@ def local_states(recording: Recording, names: Sequence[str], starts: np.ndarray,
 
     `otherwise` has the numbers that are not measured there, of the same shape.
     """
-    known, states = measured(recording), otherwise.copy()
-    spacing = max(float(np.median(np.diff(one.times))) for one in known.values())
-    longer = 1.0 if unmeasured(recording, names) else max(1.0, _SAMPLES * spacing / REACHES[0][0])
+    known, states, longer = measured(recording), otherwise.copy(), longer_reach(recording, names)
     (before, after), fewest = (longer * part for part in reach), 2 if longer > 1.0 else _FEWEST
     for j, name in enumerate(names):
         position, speed = positions_of(name)
