@@ -127,12 +127,12 @@ RIGID = {f"effects.{side}_contact": "restitution" for side in ("upper", "incline
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("robot", "wrong", "more", "words"), [
-    ("viscous", {"ground.viscous_friction": 0.0}, (), "viscous"), ("dragged", {"ground.drag": 0.0}, (), "drag"),
-    ("device", {"effects.normal_force": "weight"}, (), ""), ("damped", RIGID, ("upper.plate.restitution",), "")],
-    ids=["viscous", "drag", "weight", "contact"])
+    ("dragged", {"ground.drag": 0.0}, (), "drag"), ("device", {"effects.normal_force": "weight"}, (), ""),
+    ("damped", RIGID, ("upper.plate.restitution",), "")], ids=["drag", "weight", "contact"])
 def test_a_wrong_model_of_a_recording_with_every_fault_is_rejected_in_words_that_name_the_evidence(
         tmp_path, robot, wrong, more, words):
-    """Neither jitter nor noise of another size takes the blame, and the residuals that speak are the body's."""
+    """Neither jitter nor noise of another size takes the blame, and the residuals that speak are the body's. A viscous
+    friction of 2 N s/m, which a clean recording tells, is not told from Coulomb's by 1.5 s with every fault."""
     record = laboratory()
     from laboratory import Faults
     made = record(tmp_path / "bag", robot, seed=1, duration=1.5, faults=Faults(
