@@ -132,7 +132,7 @@ RIGID = {f"effects.{side}_contact": "restitution" for side in ("upper", "incline
 def test_a_wrong_model_of_a_recording_with_every_fault_is_rejected_in_words_that_name_the_evidence(
         tmp_path, robot, wrong, more, words):
     """Neither jitter nor noise of another size takes the blame, and the residuals that speak are the body's. A viscous
-    friction of 2 N s/m, which a clean recording tells, is not told from Coulomb's by 1.5 s with every fault."""
+    friction of 1 N s/m, which a clean recording tells, is not told from Coulomb's by 1.5 s with every fault."""
     record = laboratory()
     from laboratory import Faults
     made = record(tmp_path / "bag", robot, seed=1, duration=1.5, faults=Faults(
