@@ -142,11 +142,11 @@ def test_a_plate_without_stiffness_and_damping_is_no_plate(nothing):
     paper = vibro_ros.load_scene("paper")
     soft = paper.with_parameters({"inclined.plate.stiffness": nothing, "inclined.plate.damping": nothing})
     bare = paper.with_parameters({"effects.inclined_contact": "none"})
-    one, other = (vibro_ros.simulate(scene, duration=0.3, rate=1000.0) for scene in (soft, bare))
-    for name in vars(one):
+    with_soft_plates, without_plates = (vibro_ros.simulate(scene, duration=0.3, rate=1000.0) for scene in (soft, bare))
+    for name in vars(with_soft_plates):
         if name not in ("events", "statistics"):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
-    np.testing.assert_array_equal(one.events, other.events)
+            np.testing.assert_array_equal(getattr(with_soft_plates, name), getattr(without_plates, name), err_msg=name)
+    np.testing.assert_array_equal(with_soft_plates.events, without_plates.events)
     assert soft.describe() == bare.describe()
     assert "inclined" in paper.with_parameters({"inclined.plate.stiffness": 0.0, "inclined.plate.damping": 1.0}).plates
 

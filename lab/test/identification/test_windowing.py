@@ -141,8 +141,8 @@ def test_a_chain_is_joined_covers_the_recording_and_starts_where_it_is_calm(turn
 def test_merged_windows_cover_the_same_and_none_reaches_across_a_pause():
     edges = np.arange(8.0)
     spans = np.concatenate([np.column_stack([edges[:-1], edges[1:]]), np.column_stack([edges[:3], edges[1:4]]) + 60.0])
-    found, first = merged(spans, 3)
-    assert found.tolist() == [[0.0, 3.0], [3.0, 6.0], [6.0, 7.0], [60.0, 63.0]]
+    joined, first = merged(spans, 3)
+    assert joined.tolist() == [[0.0, 3.0], [3.0, 6.0], [6.0, 7.0], [60.0, 63.0]]
     assert first.tolist() == [0, 3, 6, 7]
     assert merged(spans, 1)[0].tolist() == spans.tolist()
 

@@ -256,12 +256,12 @@ def test_the_answer_is_what_the_verdicts_say():
     every = {equations: [verdict for verdict in exact if verdict.reading.equations == equations]
              for equations in ("corrected", "misprint")}
     full = {equations: sum(all(outcome in (HOLDS, NAMED) for outcome in verdict.along_ox)
-                           and all(mean.mean > mean.spread for mean in verdict.means.values()) for verdict in told)
-            for equations, told in every.items()}
+                           and all(mean.mean > mean.spread for mean in verdict.means.values()) for verdict in verdicts)
+            for equations, verdicts in every.items()}
     head = " ".join(TEXT.partition("## ")[0].split())
     assert f"{full['corrected'] or 'none'} of {len(every['corrected'])} combinations give all 5 claims" in head
-    single = {equations: sum(score(verdict.one_run) == len(CLAIMS) for verdict in told)
-              for equations, told in every.items()}
+    single = {equations: sum(score(verdict.one_run) == len(CLAIMS) for verdict in verdicts)
+              for equations, verdicts in every.items()}
     assert f"of our starts alone, {single['corrected']} of {len(every['corrected'])} comb" in head
     said = [f"{single.full} of {single.runs} single runs by `{single.normal_force}`" for single in SINGLES]
     assert len(said) == 2 and all(words in head for words in said)
