@@ -145,8 +145,8 @@ def visit_table(design: DiagramDesign, folder: Path) -> tuple[pa.Table, tuple[Vi
         for number in numbers:
             if number and last != number - 1:
                 block = number // _BLOCK - 1
-                before = cast(pa.Table, read_block(study, folder, block))
-                left = _visits_in(design, before)[-1].states[-1]
+                last_block = cast(pa.Table, read_block(study, folder, block))
+                left = _visits_in(design, last_block)[-1].states[-1]
             visit = _visit(design, number, left if number else None)
             left, last = visit.states[-1], number
             yield _rows_of(design, visit)

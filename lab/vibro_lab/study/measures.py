@@ -78,20 +78,20 @@ _STICK_EVENTS, _MOVING_EVENTS = ("stick",), ("slip_forward", "slip_backward", "u
 _NEUTRAL_EVENTS = ("loaded", "landing")
 
 
-def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, before: Samples[float], events: np.ndarray,
-                          end: float) -> tuple[float, float]:
+def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, begin_state: Samples[float],
+                          events: np.ndarray, end: float) -> tuple[float, float]:
     """Times [s] during which the body stood still on the ground (NaN without a checkpoint), and was in the air.
 
-    `checkpoint` and `before` are those of the first instant; `events` happened from then on to `end` [s]. The device is
+    `checkpoint` and `begin_state` are those of the first instant; `events` happened from then on to `end` [s]. The device is
     left at some instant of the measuring time if an event does not determine whether the body sticks or slips after it,
     because the speed is then sampled.
     """
     events = events[np.isin(events["kind"], (*_STICK_EVENTS, *_MOVING_EVENTS, *_NEUTRAL_EVENTS))]
     events = events[np.argsort(events["time"], kind="stable")]
     # Begin with an artificial event that gives the body's state, in the air or on the ground, at the first instant.
-    in_air = events["kind"][0] == "landing" if len(events) else before.body_height > 0.0
+    in_air = events["kind"][0] == "landing" if len(events) else begin_state.body_height > 0.0
     kinds = np.concatenate([["lift_off" if in_air else "loaded"], events["kind"]])
-    times = np.concatenate([[before.time], events["time"], [end]])
+    times = np.concatenate([[begin_state.time], events["time"], [end]])
     lengths = np.maximum(np.diff(times), 0.0)
     airborne = float(lengths[kinds == "lift_off"].sum())
     if checkpoint is None:
@@ -101,7 +101,7 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, befo
     if len(open_ones):
         device.restore(checkpoint)
         middles = times[open_ones] + lengths[open_ones] / 2.0
-        stands[open_ones] = device.sample(np.maximum(middles, before.time)).body_velocity == 0.0
+        stands[open_ones] = device.sample(np.maximum(middles, begin_state.time)).body_velocity == 0.0
     return float(lengths[stands].sum()), airborne
 
 
@@ -175,31 +175,31 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     The work is taken from `solver.accounts` if the device keeps them, else from samples.
     """
     device.take_events()
-    scene, before = device.scene, device.state
+    scene, begin_state = device.scene, device.state
     checkpoint = device.checkpoint() if {REST, LOAD, MOTION} & set(wanted) else None
     accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
     booked, supplied, heated = _account_energies(device) if accounts else None, math.nan, math.nan
-    steady = bool(measured.ends) or before.motor_speed == scene["motor.speed"] != 0.0
+    steady = bool(measured.ends) or begin_state.motor_speed == scene["motor.speed"] != 0.0
     sampled = WORK in wanted and not accounts
     cuts, drift = _cuts(device, measured) if MOTION in wanted and steady and not sampled else (None, math.nan)
     delivered, taken_back = _sampled_work(device, measured) if sampled else (math.nan, math.nan)
     device.advance_to(measured.end)
-    after, events = device.state, device.take_events()
+    end_state, events = device.state, device.take_events()
     if booked is not None:
         delivered, taken_back, supplied, heated = _account_energies(device) - booked
     if MOTION in wanted and steady and sampled and checkpoint is not None:
         device.restore(checkpoint)
         cuts, drift = _cuts(device, measured)
-    standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, before, events,
+    standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, begin_state, events,
                                                measured.end)
     loads = Loads(math.nan, math.nan)
     if LOAD in wanted and checkpoint is not None:
         device.restore(checkpoint)
         loads = loads_of(device, measured)
     return Observation(
-        scene=scene, window=measured, displacement=after.body_position - before.body_position,
-        turns=abs(after.crank_angle - before.crank_angle) / TURN,
-        steady=steady and (bool(measured.ends) or after.motor_speed == scene["motor.speed"]),
+        scene=scene, window=measured, displacement=end_state.body_position - begin_state.body_position,
+        turns=abs(end_state.crank_angle - begin_state.crank_angle) / TURN,
+        steady=steady and (bool(measured.ends) or end_state.motor_speed == scene["motor.speed"]),
         events=events, delivered=float(delivered), taken_back=float(taken_back), supplied=float(supplied),
         heated=float(heated), standing=standing, airborne=airborne, loads=loads, cuts=cuts,
         drift=drift)
@@ -223,8 +223,8 @@ def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float
     if not half:
         return cuts.states[-count:], math.nan
     places = np.searchsorted(numbers, halves)
-    before, after = np.diff(cuts.positions[places]) / np.diff(cuts.times[places])
-    return cuts.states[-count:], float(after - before)
+    early, late = np.diff(cuts.positions[places]) / np.diff(cuts.times[places])
+    return cuts.states[-count:], float(late - early)
 
 
 @lru_cache(maxsize=1)
