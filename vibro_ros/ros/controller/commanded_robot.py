@@ -42,7 +42,7 @@ MOST_ASKED = 16
 LONGEST_NAME = 200
 """Longest full name of a node [characters]."""
 OWN_TYPES = "vibro_ros_interfaces"
-"""Package with the types of the service for faults and of the actions."""
+"""Package with the type of the service for faults."""
 LIVE_LIMIT = "motor.max_speed"
 ODOM = "odom"
 ODOMETRY_DEPTH = 1000
@@ -92,26 +92,18 @@ class CommandedRobot:
 
     def wait(self, stop: StopRequest) -> None:
         """Return when the robot is known, when no subscriber is a robot of this package, or on `stop`."""
-        self.ask_again()
+        self._asked_at = time.monotonic()
 
         def over() -> bool:
             self.tick()
-            return bool(stop or self.answered)
+            return bool(stop or self._answered)
 
         process.spin_until(self._node, over)
         if not (stop or self.settings):
             self._node.get_logger().info(f"{self} does not say its limits: what it refuses shows in its log only")
 
-    def ask_again(self) -> None:
-        """Forget the robot's parameters and read them again, because another robot may have taken its place."""
-        self.name, self.settings, self._refused, self._asked_at = "", None, "", time.monotonic()
-        self._robots.clear()
-        self._last_look = 0.0
-        for reader in self._readers.values():
-            reader.read()
-
     @property
-    def answered(self) -> bool:
+    def _answered(self) -> bool:
         """Whether the robot is known, or the wait for it is over."""
         waited = time.monotonic() - self._asked_at
         reading = not self._readers or any(reader.reading for name, reader in self._readers.items()
@@ -181,12 +173,6 @@ class OdometrySubscription:
         self._clock = node.get_clock()
         self._waiting: deque[tuple[int, float]] = deque(maxlen=ODOMETRY_DEPTH)
         self._samples = PollingSubscription(node, Odometry, ODOM, QoSProfile(depth=ODOMETRY_DEPTH))
-
-    def restart(self) -> None:
-        """Begin a new mean of the samples that arrive from now on."""
-        self.mean = MeanPosition()
-        self._samples.take(ODOMETRY_DEPTH)
-        self._waiting.clear()
 
     def read(self, time: float) -> MeanPosition:
         """Return the mean with all samples that have arrived at `time` [s] of the script."""

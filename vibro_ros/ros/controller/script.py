@@ -155,13 +155,6 @@ def read_script(path: Path) -> Script:
     return script
 
 
-def read_goal(entry: Mapping[str, object]) -> tuple[float, Goal]:
-    """Return the longest time [s] and the goal of a single entry outside of a script (ValueError as in a script)."""
-    segment = _Unfolding().goal_segment(entry, [], 0.0, 0.0, "")
-    assert segment.goal
-    return segment.duration, segment.goal
-
-
 class _EntryError(ValueError):
     """An error in an entry, whose number is already in the message."""
 
@@ -218,7 +211,7 @@ class _Unfolding:
         if "entries" in entry or "repeat" in entry:
             yield from self.block(entry, start, f"{number}.")
         elif any(key in entry for key in GOAL_KEYS):
-            yield self.goal_segment(entry, later, block_start, start, number)
+            yield self._goal_segment(entry, later, block_start, start, number)
         else:
             yield self._command_segment(entry, later, block_start, start, number)
 
@@ -232,7 +225,7 @@ class _Unfolding:
         return Segment(number, start, duration, ramps, tuple(given), str(entry.get("note", "")),
                        incident=_incident(entry, duration))
 
-    def goal_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
+    def _goal_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
                      ) -> Segment:
         """Return the segment of an entry with a goal; only after `go_to` the motor's command is known, which is 0."""
         goal = _read_goal(entry)

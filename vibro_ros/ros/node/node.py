@@ -7,7 +7,7 @@ without an answer waits for ever, and such a message is refused.
 
 import copy
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from inspect import isawaitable
@@ -39,8 +39,6 @@ MOST_NAMES = 1000
 """Most names in one request to a parameter service; the robot has fewer parameters."""
 LONGEST_NAME = 1000
 """Longest name in such a request [characters]."""
-RESULT_TIMEOUT = 60
-"""Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
 UNPUBLISHED = 0.02
 """Time [s] between two polls of a topic without publishers, for one that came and left between two polls."""
 SENTENCES = ("message", "reason", "error_message")
@@ -203,14 +201,6 @@ def installed_type(package: str, kind: str, name: str) -> Any:
     except (ImportError, AttributeError, NoTypeSupportImportedException):
         return None
     return interface
-
-
-class NextTurn:
-    """Awaitable with which a coroutine waits for the executor's next turn."""
-
-    def __await__(self) -> Generator[None, None, None]:
-        """Yield to the executor once."""
-        yield
 
 
 def _make_read_only(node: Node, name: str, meaning: str) -> None:

@@ -19,7 +19,7 @@ from simulation_interfaces.srv import ResetSimulation, SetEntityState, SetSimula
 from vibro_ros.messages.frames import fill_header
 from vibro_ros.messages.operations import PAUSE, RESET, RESUME, STATE, Operation
 from vibro_ros.model.parameters import quoted
-from vibro_ros.ros.node.node import RESULT_TIMEOUT, GuardedNode
+from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.robot.run import RobotRun, Steps
 from vibro_ros.ros.robot.services import finished, installed_types
 from vibro_ros.simulation.samples import Samples
@@ -51,6 +51,8 @@ LONGEST_FILTER, MOST_QUANTIFIERS = 64, 4
 """Longest regular expression of a peer, and most quantifiers in it, without groups: others can take for ever."""
 MOST_STEPS = 100_000
 """Most steps of one request: about 8 minutes of robot time and 0.3 GB of a bag at the default rate."""
+RESULT_TIMEOUT = 60
+"""Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
 FEEDBACK_PERIOD = 0.02
 """Least time [s] between two messages of feedback, except the last, because steps run as fast as they can."""
 
