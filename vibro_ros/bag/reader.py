@@ -28,8 +28,7 @@ __all__ = ["Arrays", "Bag", "BagError", "BagWarning", "MissingTopicError", "Reco
 Arrays = dict[str, np.ndarray]
 
 JOINT_STATE, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
-MOST_JOINTS = 10_000
-"""Most joints of a topic; each takes memory that is much larger than its name in a message."""
+MOST_JOINTS = 10_000  # most joints of a topic; each takes memory that is much larger than its name in a message
 _MOST_LAYOUTS = 100  # that are kept; a robot has a few
 _JOINTS = ""  # the key of a message's joints among its columns
 LONGEST_FRAME = 1000
@@ -419,8 +418,7 @@ def _frame(path: str) -> Column:
     return Column(checked, is_text=True)
 
 
-STAMP = Column(_stamp)
-"""Column of the header's stamp [ns], which becomes seconds on the scale of ``time``."""
+STAMP = Column(_stamp)  # column of the header's stamp [ns], which becomes seconds on the scale of ``time``
 _FIRST_OF_SIX = slice(0, 15, 7)  # of the diagonal of a matrix with six rows
 JOINT_QUANTITIES = ("position", "velocity", "effort")
 COLUMNS: Mapping[str, Mapping[str, Column]] = {

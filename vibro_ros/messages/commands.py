@@ -18,8 +18,7 @@ COMMANDED = {"crank": ("velocity", "motor_speed"), "upper_plate": ("position", "
              "inclined_plate": ("position", "inclined_gap")}
 """For each joint that takes commands: the array of a JointState, and the argument of `Simulator.command`."""
 
-MEASURED = ("upper_mass", "inclined_mass")
-"""The robot's other joints, which have states alone."""
+MEASURED = ("upper_mass", "inclined_mass")  # the robot's other joints, which have states alone
 
 
 def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:

@@ -135,8 +135,7 @@ ROBOT_TOPICS = {name: topic.type for name, topic in TOPICS.items()
                 if topic.when not in (NODE, BAG) and not topic.sensor}
 """Type of each topic by the last part of its name in a bag; a topic of another type is not the robot's."""
 
-INPUTS = (*COMMANDS, OPERATIONS)
-"""Topics of the inputs, from which a replay computes all other messages."""
+INPUTS = (*COMMANDS, OPERATIONS)  # topics of the inputs, from which a replay computes all other messages
 
 SENSOR_TOPICS = {topic.sensor: name for name, topic in TOPICS.items() if topic.sensor}
 """Topic of each sensor of `sensors.device`; a robot has the topics of the sensors that are on."""

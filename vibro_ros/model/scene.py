@@ -26,8 +26,7 @@ _WITHOUT_DC_MOTOR = _OPERATION | {name for name in BY_NAME if name.startswith("m
 
 _DEFAULTS = {name: parameter.default for name, parameter in BY_NAME.items()}
 
-PREFIX = "start."
-"""Prefix of the parameters of a given start; a field of `Samples` follows it."""
+PREFIX = "start."  # prefix of the parameters of a given start; a field of `Samples` follows it
 NUMBERS: Mapping[str, Parameter] = {
     name.removeprefix(PREFIX): replace(parameter, name=name.removeprefix(PREFIX), negligible=0.0)
     for name, parameter in BY_NAME.items() if name.startswith(PREFIX) and isinstance(parameter.default, float)}

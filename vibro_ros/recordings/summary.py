@@ -29,8 +29,7 @@ COLUMNS = {"odom": ("position", "linear_velocity"), "joint_states": ("*.position
            "motor_speed": ("value",), "upper_gap": ("value",), "inclined_gap": ("value",), "motor_current": ("value",),
            OPERATIONS: ("text",)}
 """Columns that summary and picture need, because a recording may be long; commands are read to find unreadable ones."""
-MOST_OPERATIONS = 50
-"""Most operations that a summary lists."""
+MOST_OPERATIONS = 50  # most operations that a summary lists
 LARGEST = 1e100
 """Largest magnitude of a number that is used: no machine has a larger one, and squares of larger ones overflow."""
 

@@ -17,9 +17,7 @@ from vibro_ros.view.motion import Interpolated, Progress, Span, polynomials_thro
 
 MOST_SAMPLES = 1_000_000
 """Most samples of a topic that are read, an hour and a half at 200 Hz: more than a page can show."""
-MOST_INPUTS = 200_000
-"""Most messages that are read of each topic of commands, operations and checkpoints."""
-
+MOST_INPUTS = 200_000  # most messages that are read of each topic of commands, operations and checkpoints
 _FASTEST = 1e100  # rad/s
 
 UNSTAMPED = tuple(name for name, topic in TOPICS.items() if topic.numbers and not topic.frame)
@@ -29,12 +27,10 @@ QUANTITIES = frozenset(FIELDS) - {"time"}
 #: Quantity of each array of `joint_states`.
 _OF_JOINTS = {f"{joint}.{part}": quantity for joint, quantities in JOINTS.items()
               for quantity, part in zip(quantities, JOINT_QUANTITIES, strict=True)}
-STATE = ("odom", "joint_states")
-"""Topics with the robot's state."""
+STATE = ("odom", "joint_states")  # topics with the robot's state
 
 DEGREE = 3
-NEAR = 3e-9
-"""Distance [s] within which instants count as equal, because stamps are rounded to nanoseconds."""
+NEAR = 3e-9  # distance [s] within which instants count as equal, because stamps are rounded to nanoseconds
 
 
 class Input(NamedTuple):

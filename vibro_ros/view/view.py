@@ -132,12 +132,9 @@ def _parser() -> Parser:
 LARGEST = 96 * 2**20
 """Largest payload of a motion [bytes]: ten minutes of the busiest shipped scene, which take half a gigabyte in a
 browser. The rest of a longer motion is left out."""
-MOST_IMPACTS = 50_000
-"""Most impacts in a header; of more, the hardest are kept."""
-MOST_FAULTS = 5
-"""Most reasons that are named why a motion is not exact."""
-UNKNOWN_ROBOT = "device"
-"""Scene whose dimensions are drawn when a bag does not state the robot's scene."""
+MOST_IMPACTS = 50_000  # most impacts in a header; of more, the hardest are kept
+MOST_FAULTS = 5  # most reasons that are named why a motion is not exact
+UNKNOWN_ROBOT = "device"  # scene whose dimensions are drawn when a bag does not state the robot's scene
 
 #: Shares of the work that are done when the samples are read, and when they are simulated again.
 _READ_SHARE, _SIMULATED_SHARE = 0.5, 0.7

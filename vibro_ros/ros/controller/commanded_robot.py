@@ -30,23 +30,17 @@ from vibro_ros.ros.node import process
 from vibro_ros.ros.node.node import PollingSubscription, installed_type
 from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 
-PARAMETERS_TIMEOUT = 5.0
-"""Longest wait [s] for the robot's parameters before the first command."""
+PARAMETERS_TIMEOUT = 5.0  # longest wait [s] for the robot's parameters before the first command
 ANSWERS_TIMEOUT = 1.0
 """Time [s] after which the wait ends if no subscriber of the commands is a robot, or if one is and others do not
 answer."""
-LOOK_PERIOD = 0.2
-"""Time [s] between two searches for subscribers of the commands."""
-MOST_ASKED = 16
-"""Most subscribers of the commands that are asked for their parameters."""
-LONGEST_NAME = 200
-"""Longest full name of a node [characters]."""
-OWN_TYPES = "vibro_ros_interfaces"
-"""Package with the type of the service for faults."""
+LOOK_PERIOD = 0.2  # time [s] between two searches for subscribers of the commands
+MOST_ASKED = 16  # most subscribers of the commands that are asked for their parameters
+LONGEST_NAME = 200  # longest full name of a node [characters]
+OWN_TYPES = "vibro_ros_interfaces"  # package with the type of the service for faults
 LIVE_LIMIT = "motor.max_speed"
 ODOM = "odom"
-ODOMETRY_DEPTH = 1000
-"""Most samples of odometry that wait for the next step of feedback: 1 s at 1 kHz."""
+ODOMETRY_DEPTH = 1000  # most samples of odometry that wait for the next step of feedback: 1 s at 1 kHz
 
 
 class CommandedRobot:

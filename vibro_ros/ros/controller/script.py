@@ -20,14 +20,10 @@ from vibro_ros.model.faults import FAULTS, Incident, checked_incident
 from vibro_ros.model.parameters import nearest
 from vibro_ros.ros.controller.feedback import MOTOR_RANGE, WITHIN, Goal, PositionGoal, SpeedGoal
 
-MOTOR = "motor_speed"
-"""The command that feedback gives."""
-LONGEST_SCRIPT = 100_000
-"""Most segments that a script may unfold to; nested repeats multiply."""
-DEEPEST_BLOCK = 10
-"""Deepest nesting of blocks."""
-GOAL_KEYS = ("hold_speed", "go_to")
-"""Keys of an entry with a goal for feedback."""
+MOTOR = "motor_speed"  # the command that feedback gives
+LONGEST_SCRIPT = 100_000  # most segments that a script may unfold to; nested repeats multiply
+DEEPEST_BLOCK = 10  # deepest nesting of blocks
+GOAL_KEYS = ("hold_speed", "go_to")  # keys of an entry with a goal for feedback
 SHORTEST = 4.0
 """Shortest time [s] to hold a speed: half of it to settle, half of it to be measured over some turns of the crank."""
 _GAPS = tuple(name for name in COMMAND_UNITS if name.endswith("_gap"))

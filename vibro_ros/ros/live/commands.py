@@ -19,12 +19,9 @@ from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import PollingSubscription
 
 SPEED = "motor_speed"
-MOST = 200
-"""Most messages of one topic that are taken in one batch."""
-RETURN_TIMEOUT = 3.0
-"""Time [s] that a page gets to come back after it was reloaded or lost its connection."""
-REPEATS = 3
-"""Number of times that the motor's command is sent in one `command.timeout`, so that one or two may be lost."""
+MOST = 200  # most messages of one topic that are taken in one batch
+RETURN_TIMEOUT = 3.0  # time [s] that a page gets to come back after it was reloaded or lost its connection
+REPEATS = 3  # number of times that the motor's command is sent in one `command.timeout`, so that one or two may be lost
 STOP_ATTEMPTS = 8
 STOP_INTERVAL = Duration(nanoseconds=500_000_000)
 """The last command is sent so often, at this interval, until the robot has received it: Fast DDS repeats a lost

@@ -31,24 +31,18 @@ from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 from vibro_ros.simulation.samples import FIELDS, TIME
 
-SECOND = 1_000_000_000
-"""Nanoseconds in a second."""
-MOST = 500
-"""Most samples taken in one batch, 15,000 a second; of more, DDS drops the oldest."""
-LONGEST = 10_000
-"""Longest message [bytes] that is read; a sample has about a thousand."""
-LONGEST_RUN = 1e8
-"""Longest robot time [s], three years; later times do not have nanoseconds as a float."""
+SECOND = 1_000_000_000  # nanoseconds in a second
+MOST = 500  # most samples taken in one batch, 15,000 a second; of more, DDS drops the oldest
+LONGEST = 10_000  # longest message [bytes] that is read; a sample has about a thousand
+LONGEST_RUN = 1e8  # longest robot time [s], three years; later times do not have nanoseconds as a float
 SILENCE_TIMEOUT = 3.0
 """Time [s] without samples and diagnostics, which come each second, after which a robot counts as silent."""
-READ_PERIOD = 2.0
-"""Time [s] after which a robot is asked again for its parameters, if they were invalid."""
+READ_PERIOD = 2.0  # time [s] after which a robot is asked again for its parameters, if they were invalid
 FIRST_SAMPLE_TIMEOUT = 1.5
 """Time [s] in which the first sample must arrive; a robot that publishes diagnostics and no sample is paused."""
 RIVALRY_PERIOD = 2.0
 """Time [s] in which the run changes at most once, unless there are two robots: a robot needs about 1 s to start."""
-MOST_NAMED = 5
-"""Most other robots that are named in a message."""
+MOST_NAMED = 5  # most other robots that are named in a message
 _LABEL = ",".join(SAMPLE_LABELS)
 _NO_ROWS = np.empty((0, len(FIELDS)))
 
@@ -220,16 +214,12 @@ class Runs:
         return has_restarted
 
 
-MOST_REPORTS = 200
-"""Most messages of one topic that are taken in one batch; of more, DDS drops the oldest."""
-LONGEST_REPORT = 100_000
-"""Longest message [bytes] that is read."""
-LONGEST_LINE = 500
-"""Longest line [characters] that is shown."""
+MOST_REPORTS = 200  # most messages of one topic that are taken in one batch; of more, DDS drops the oldest
+LONGEST_REPORT = 100_000  # longest message [bytes] that is read
+LONGEST_LINE = 500  # longest line [characters] that is shown
 _NO_RECORDING, _FAULT = "not recording", 2
 """The recorder's diagnostics: message when nothing is recorded, and level when recording has failed."""
-WARNING, ERROR = 30, 40
-"""Levels of rcl_interfaces/msg/Log."""
+WARNING, ERROR = 30, 40  # levels of rcl_interfaces/msg/Log
 _LOG = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 

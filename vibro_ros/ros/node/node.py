@@ -35,14 +35,11 @@ from vibro_ros.ros.node.refusals import LONGEST_SENTENCE, Refusals
 
 LAST_SECOND = 2**31 - 1 - 10**7
 """Latest ROS time [s] that is accepted from /clock: a stamp's seconds end at 2**31 - 1, some months later."""
-MOST_NAMES = 1000
-"""Most names in one request to a parameter service; the robot has fewer parameters."""
-LONGEST_NAME = 1000
-"""Longest name in such a request [characters]."""
+MOST_NAMES = 1000  # most names in one request to a parameter service; the robot has fewer parameters
+LONGEST_NAME = 1000  # longest name in such a request [characters]
 UNPUBLISHED = 0.02
 """Time [s] between two polls of a topic without publishers, for one that came and left between two polls."""
-SENTENCES = ("message", "reason", "error_message")
-"""Fields of service responses that hold a sentence."""
+SENTENCES = ("message", "reason", "error_message")  # fields of service responses that hold a sentence
 
 
 class GuardedNode(Node):

@@ -42,15 +42,12 @@ REMEDIES = {
     "namespace": "give one such as /r1, of letters, digits and _, no part beginning with a digit",
 }
 """Remedy for the user, by words that occur in rcl's error message; the first that fits is given."""
-LAST_DOMAIN = 232
-"""Largest ROS domain: from the next one on, the ports that DDSI-RTPS computes are above 65535."""
+LAST_DOMAIN = 232  # largest ROS domain: from the next one on, the ports that DDSI-RTPS computes are above 65535
 OPEN_FILES = 64
 """Open files that suffice: a robot that records has 30, and with a few less the middleware loses endpoints silently."""
-POLL = 0.05
-"""Longest wait [s] of the executor before the loop checks whether it should end."""
+POLL = 0.05  # longest wait [s] of the executor before the loop checks whether it should end
 CLOCK = "/clock"
-REMINDER = 2.0
-"""Time [s] between two log lines about a wait."""
+REMINDER = 2.0  # time [s] between two log lines about a wait
 
 
 @contextmanager

@@ -11,8 +11,7 @@ from vibro_ros.messages.topics import TOPICS
 OVERRIDES = "qos_overrides"
 POLICIES = {"reliability": ("reliable", "best_effort"), "history": ("keep_last", "keep_all"), "depth": ()}
 """The policies that a user may override, and their values; a depth is a number."""
-DEEPEST = 100_000
-"""Largest depth [messages] that a user may give."""
+DEEPEST = 100_000  # largest depth [messages] that a user may give
 
 
 def profile(topic: str) -> QoSProfile:

@@ -30,8 +30,7 @@ REFUSED = {"refused": "commands refused", "requests": "requests refused",
 BEHIND = 1.0
 """Time [s] by which stamps may differ from ROS time, or that may change in a period, without a word; short stalls have
 a warning of their own."""
-NEWS = 10.0
-"""Time [s] for which a clock that was set is a warning; afterwards the message has it, at level OK."""
+NEWS = 10.0  # time [s] for which a clock that was set is a warning; afterwards the message has it, at level OK
 
 
 class Diagnostics:

@@ -108,16 +108,12 @@ def message_class(type_name: str) -> type:
         raise ValueError(f"{type_name}: no such message here; install the ROS package {package}") from None
 
 
-SEALING = 5.0
-"""Longest wait [s] of `~/record` for the disk before it answers; other services wait meanwhile."""
-CHECKPOINT_PERIOD = 500_000_000
-"""Longest robot time [ns] between two checkpoints, about 6 kB each."""
+SEALING = 5.0  # longest wait [s] of `~/record` for the disk before it answers; other services wait meanwhile
+CHECKPOINT_PERIOD = 500_000_000  # longest robot time [ns] between two checkpoints, about 6 kB each
 CHECKPOINTS_A_FILE = 4
 """Fewest checkpoints in a file of limited size: a robot faster than real time may fill several files in a period."""
-MOST_BAGS = 5
-"""Most bags that `~/record` begins in a row; after them it begins at most one a second."""
-MOST_UNSEALED = 10
-"""Most unsealed bags that the log names at the start; the others are counted."""
+MOST_BAGS = 5  # most bags that `~/record` begins in a row; after them it begins at most one a second
+MOST_UNSEALED = 10  # most unsealed bags that the log names at the start; the others are counted
 _ALL = "all"
 _TOO_MANY = f"more than {MOST_BAGS} bags were asked for at once; one a second can be begun, ask again"
 

@@ -67,8 +67,7 @@ PUBLISHED = tuple(full_name(name) for name, topic in TOPICS.items() if topic.whe
 """Topics on which any robot publishes its device's motion, before namespace and remapping."""
 THREAD_CHANGE = 1e-4
 """Longest time [s] for which a thread keeps the interpreter lock that another one waits for: a delay of a tick."""
-WATCH = 1.0
-"""Longest time [s] until the node reacts to a failure of the recording; a signal or the run's end wakes it."""
+WATCH = 1.0  # longest time [s] until the node reacts to a failure of the recording; a signal or the run's end wakes it
 
 
 def main(argv: Sequence[str] | None = None) -> int:

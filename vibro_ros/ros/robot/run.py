@@ -56,18 +56,14 @@ from vibro_ros.sensors.device import SensedSimulator
 from vibro_ros.simulation.samples import CRANK_ANGLE, FIELDS, MOTOR_SPEED, NORMAL_FORCE, Samples
 from vibro_ros.simulation.simulator import Simulator
 
-FACTOR = "rate.real_time_factor"
-"""The one parameter of the node that may change while it runs."""
+FACTOR = "rate.real_time_factor"  # the one parameter of the node that may change while it runs
 ENDED = "the simulation has ended"
 BUSY = "the simulation has not answered in time; nothing was changed"
 LOCK_TIMEOUT = 0.5
 """Longest time [s] that a service waits for the device, so that the main thread still notices signals."""
-MOST_KEPT = 10_000
-"""Most samples that are kept for diagnostics: one second at the highest `rate.publish`."""
-BAG_PERIOD = 0.001
-"""Wait [s] for the disk between two checks, when samples are faster than the disk."""
-MOST_TURNS = 100.0
-"""Most turns of the crank between two checks whether the run must end; they cost some milliseconds."""
+MOST_KEPT = 10_000  # most samples that are kept for diagnostics: one second at the highest `rate.publish`
+BAG_PERIOD = 0.001  # wait [s] for the disk between two checks, when samples are faster than the disk
+MOST_TURNS = 100.0  # most turns of the crank between two checks whether the run must end; they cost some milliseconds
 
 
 class RunState(Enum):

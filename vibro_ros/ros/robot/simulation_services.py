@@ -49,8 +49,7 @@ OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
 """For each type: the name of the service or action, and the features that it brings."""
 LONGEST_FILTER, MOST_QUANTIFIERS = 64, 4
 """Longest regular expression of a peer, and most quantifiers in it, without groups: others can take for ever."""
-MOST_STEPS = 100_000
-"""Most steps of one request: about 8 minutes of robot time and 0.3 GB of a bag at the default rate."""
+MOST_STEPS = 100_000  # most steps of one request: about 8 minutes of robot time and 0.3 GB of a bag at the default rate
 RESULT_TIMEOUT = 60
 """Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
 FEEDBACK_PERIOD = 0.02

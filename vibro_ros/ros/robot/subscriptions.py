@@ -28,16 +28,11 @@ from vibro_ros.ros.node.refusals import Throttle, peer_text
 from vibro_ros.ros.robot.recording import Record, message_class
 from vibro_ros.simulation.simulator import Simulator
 
-LONGEST = 1024
-"""Longest message [bytes] that is recorded; a command has 12, one for all joints some 200."""
-MOST_TAKEN = 100
-"""Most messages of a topic that are taken in one poll, so that a flood does not delay a tick."""
-MOST_LATE = 10_000
-"""Most commands that are kept while the fault `late_commands` lasts."""
-MOST_TOLD = 100
-"""Most sentences on joints that are remembered, so that each is logged once."""
-GRAPH_PERIOD = 1.0
-"""Time [s] between two searches of the graph for publishers whose messages cannot arrive."""
+LONGEST = 1024  # longest message [bytes] that is recorded; a command has 12, one for all joints some 200
+MOST_TAKEN = 100  # most messages of a topic that are taken in one poll, so that a flood does not delay a tick
+MOST_LATE = 10_000  # most commands that are kept while the fault `late_commands` lasts
+MOST_TOLD = 100  # most sentences on joints that are remembered, so that each is logged once
+GRAPH_PERIOD = 1.0  # time [s] between two searches of the graph for publishers whose messages cannot arrive
 
 
 class CommandSubscriptions:
