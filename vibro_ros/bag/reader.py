@@ -319,7 +319,7 @@ class Series:
     def _read_joints(self, message: Any) -> dict[str, Any]:
         """Return the joints of a message, and their quantities from the arrays with a number for each joint.
 
-        In shorter arrays the numbers may belong to any of the joints (`messages.commands`).
+        In shorter arrays the numbers may belong to any of the joints (`messages.topics.joint_commands`).
         """
         quantities = [quantity for quantity in JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
         key = tuple(message.name), tuple(quantities)

@@ -20,13 +20,17 @@ from types import MappingProxyType
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.model.scene import Scene
 
 BASE = "base_link"
 BODY = "body"
 CRANK = "crank"
 IMU = "imu_link"
+
+COMMANDED = {"crank": ("velocity", "motor_speed"), "upper_plate": ("position", "upper_gap"),
+             "inclined_plate": ("position", "inclined_gap")}
+"""For each joint that takes commands, the array of a JointState and the argument of `Simulator.command`: the crank is
+commanded by velocity [rad/s], a plate by position [m], the quantities of `joint_states`."""
 
 FIXED, CONTINUOUS, PRISMATIC, FLOATING = "fixed", "continuous", "prismatic", "floating"
 """Types of joints, as URDF names them.

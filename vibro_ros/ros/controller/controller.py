@@ -23,9 +23,9 @@ from vibro_ros.ros.controller.commanded_robot import ODOM, CommandedRobot, Fault
 from vibro_ros.ros.controller.feedback import check_reach
 from vibro_ros.ros.controller.player import Player, ScriptSchedule
 from vibro_ros.ros.controller.script import MOTOR, Script, read_script
-from vibro_ros.ros.node import process, qos
+from vibro_ros.ros.node import process
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
-from vibro_ros.ros.node.node import GuardedNode
+from vibro_ros.ros.node.node import GuardedNode, check_qos_overrides, qos_profile
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 
 NODE_NAME = "vibro_controller"
@@ -52,7 +52,7 @@ def _run(argv: Sequence[str] | None) -> int:
         check_addressed(files, node.get_fully_qualified_name())
         settings = {parameter.name: parameter.default for parameter in PARAMETERS}
         settings |= checked_parameters(take_overrides(node), PARAMETERS)
-        qos.check_overrides(node, COMMAND_UNITS, (ODOM, process.CLOCK))
+        check_qos_overrides(node, COMMAND_UNITS, (ODOM, process.CLOCK))
         settings["script"] = arguments.script or settings["script"]
         declare(node, PARAMETERS, settings)
         if settings["reach"] == 0.0:
@@ -70,7 +70,7 @@ def _run(argv: Sequence[str] | None) -> int:
 
 
 def _play(script: Script, settings: Mapping[str, Value], node: GuardedNode, stop: StopRequest) -> int:
-    publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in script.commands}
+    publishers = {name: node.create_publisher(Float64, name, qos_profile(name)) for name in script.commands}
     robot = CommandedRobot(node, publishers[script.commands[0]])
     faults = FaultService(node, robot) if script.needs_faults else None
 

@@ -25,8 +25,7 @@ from vibro_ros.messages.operations import PAUSE, RESUME, Operation, read_operati
 from vibro_ros.messages.robot_messages import PLATES, SAMPLE_LABELS
 from vibro_ros.messages.topics import OPERATIONS, SAMPLES, TOPICS, full_name
 from vibro_ros.process.files import one_line
-from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.node import GuardedNode, PollingSubscription
+from vibro_ros.ros.node.node import GuardedNode, PollingSubscription, qos_profile
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 from vibro_ros.simulation.samples import FIELDS, TIME
@@ -60,7 +59,7 @@ class LiveRobot:
         self.origin: int | None = None
         self.silences = 0
         self._node, self._robot, self._runs = node, robot, Runs()
-        self._samples = PollingSubscription(node, Float64MultiArray, f"{robot}/{SAMPLES}", qos.profile(SAMPLES))
+        self._samples = PollingSubscription(node, Float64MultiArray, f"{robot}/{SAMPLES}", qos_profile(SAMPLES))
         self._fault, self._publishers = "", frozenset[bytes]()
         self._others: list[str] = []
         self._last_received = self._read_at = float("-inf")
@@ -240,10 +239,10 @@ class RobotStatus:
     def __init__(self, node: Node, robot: str):
         self._robot, self._logger = robot, robot.strip("/").replace("/", ".")
         self._log = PollingSubscription(node, Log, "/rosout", _LOG)
-        self._impacts = PollingSubscription(node, WrenchStamped, "impacts", qos.profile("impacts"))
+        self._impacts = PollingSubscription(node, WrenchStamped, "impacts", qos_profile("impacts"))
         self._diagnostics = PollingSubscription(node, DiagnosticArray, full_name("diagnostics"),
-                                             qos.profile("diagnostics"))
-        self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos.profile(OPERATIONS))
+                                             qos_profile("diagnostics"))
+        self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos_profile(OPERATIONS))
         self._frames: dict[str, str] = {}
         self.status: dict[str, Any] = {}
 
