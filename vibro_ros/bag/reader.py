@@ -89,13 +89,7 @@ class Bag(Mapping[str, Arrays]):
         return f"<Bag {self.path}: {self.duration:g} s, messages read: {topics or 'none'}>"
 
     def full_name(self, name: str) -> str:
-        """Return the full name of the topic called `name`.
-
-        Raises
-        ------
-        MissingTopicError
-            When no topic, or more than one, has this name.
-        """
+        """Return the full name of the topic called `name` (MissingTopicError when none, or more than one, has it)."""
         types = {topic: recorded.type_name for topic, recorded in self.topics.items()}
         matches = [topic for topic in self.arrays if topic == name or topic.endswith(f"/{name}")
                  and ROBOT_TOPICS.get(_last(topic), types[topic]) == types[topic]]
@@ -110,10 +104,7 @@ class Bag(Mapping[str, Arrays]):
         """Yield the columns of the topic called `name` that have the same instants, each time with their ``time``, and
         ``stamp`` if there is any: first those with the topic's instants, then those of each joint with its own.
 
-        Raises
-        ------
-        MissingTopicError
-            When no topic, or more than one, has this name.
+        MissingTopicError when no topic, or more than one, has this name.
         """
         return series_of(self[name])
 

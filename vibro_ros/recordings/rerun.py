@@ -290,15 +290,9 @@ class Rerun:
         return True
 
     def _pass_inputs(self, stream: BagStream, begun: bool) -> None:
-        """Pass the inputs in `recorded` to the device, if its run has `begun`.
-
-        Inputs before the sample's checkpoint are left out, because the robot receives inputs after it. Version 1 wrote
-        the changed parameters there, as an operation that nobody had asked for.
-        """
-        names = [name for name, _ in self.recorded]
-        first = names.index(CHECKPOINT) if CHECKPOINT in names else 0
-        for number, (name, data) in enumerate(self.recorded):
-            if name in INPUTS and begun and number >= first:
+        """Pass the inputs in `recorded` to the device, if its run has `begun`."""
+        for name, data in self.recorded:
+            if name in INPUTS and begun:
                 if unreadable := self.receive(name, data):
                     stream.unreadable.add(self._facts.topics[name], self.seen[name], self.stamp, unreadable)
                 self.commands += not unreadable and name in COMMANDS

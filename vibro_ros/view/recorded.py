@@ -1,6 +1,5 @@
 """Samples, impacts and inputs of a recording, and interpolation between samples where the motion is not exact."""
 
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -154,13 +153,6 @@ def interpolate(signals: Mapping[str, Signal], names: Sequence[str], span: Span,
         return borders, np.empty((len(borders), 0, DEGREE + 1))
     return borders, polynomials_through(
         borders, lambda instants: np.stack([_at(signals.get(name), instants) for name in names], axis=2), DEGREE + 1)
-
-
-def common_samples(signals: Mapping[str, Signal], names: Sequence[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Return the quantities `names` at the instants [s] at which all of them were recorded, and these instants."""
-    times = functools.reduce(lambda common, other: np.intersect1d(common, other, assume_unique=True),
-                             [signals[name].times for name in names])
-    return {name: signals[name].values[np.searchsorted(signals[name].times, times)] for name in names}, times
 
 
 def reset_instants(crank: Signal) -> list[float]:

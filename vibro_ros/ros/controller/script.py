@@ -131,11 +131,6 @@ class Script:
         share = (time - segment.start) / segment.duration if time < segment.end else 1.0
         return {name: ramp.at(share) for name, ramp in segment.ramps.items()}
 
-    def instants(self, rate: float) -> Iterator[float]:
-        """Yield the instants [s] at which commands change, in order, if every goal takes its longest time."""
-        for segment in self.segments:
-            yield from segment.instants(rate)
-
 
 def read_script(path: Path) -> Script:
     """Read and check a script, a YAML file (ValueError with the file, the entry and the reason)."""

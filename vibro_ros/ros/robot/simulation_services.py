@@ -13,7 +13,7 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
-from simulation_interfaces.msg import EntityState, Result, SimulationState, SimulatorFeatures
+from simulation_interfaces.msg import EntityCategory, EntityState, Result, SimulationState, SimulatorFeatures
 from simulation_interfaces.srv import ResetSimulation, SetEntityState, SetSimulationState
 
 from vibro_ros.messages.frames import fill_header
@@ -27,8 +27,6 @@ from vibro_ros.simulation.samples import Samples
 PACKAGE = "simulation_interfaces"
 ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back and lets the clock go on; there is "
          "nothing to spawn.")
-ENTITY_CATEGORIES, ENTITY_INFO_GETTING, CATEGORY_ROBOT = 8, 12, 1
-"""Constants of version 2.1.0, which types that were built for an earlier vibro_ros lack."""
 OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
     "GetSimulatorFeatures": ("~/get_simulator_features", ()),
     "ResetSimulation": ("~/reset_simulation", (
@@ -42,7 +40,8 @@ OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
         SimulatorFeatures.STEP_SIMULATION_MULTIPLE, SimulatorFeatures.STEP_SIMULATION_ACTION)),
     "GetEntities": ("~/get_entities", ()),
     "GetEntitiesStates": ("~/get_entities_states", ()),
-    "GetEntityInfo": ("~/get_entity_info", (ENTITY_CATEGORIES, ENTITY_INFO_GETTING)),
+    "GetEntityInfo": ("~/get_entity_info", (
+        SimulatorFeatures.ENTITY_CATEGORIES, SimulatorFeatures.ENTITY_INFO_GETTING)),
     "GetEntityState": ("~/get_entity_state", (SimulatorFeatures.ENTITY_STATE_GETTING,)),
     "SetEntityState": ("~/set_entity_state", (SimulatorFeatures.ENTITY_STATE_SETTING,)),
 }
@@ -171,7 +170,7 @@ def is_chosen(filters: Any, entity: str) -> bool:
     except (re.error, OverflowError) as error:
         raise ValueError(f"filter: {quoted(text)} is no regular expression: {error}; leave it empty for all") from None
     categories = [category.category for category in filters.categories]
-    return is_named and not filters.tags.tags and (not categories or CATEGORY_ROBOT in categories)
+    return is_named and not filters.tags.tags and (not categories or EntityCategory.CATEGORY_ROBOT in categories)
 
 
 def fill_entity_state(message: Any, state: Samples, stamp: int, frame: str) -> None:
@@ -262,7 +261,7 @@ class SimulationServices:
 
     async def _entity_info(self, request: Any, response: Any) -> None:
         check_entity(request.entity, self._entity)
-        response.info.category.category = CATEGORY_ROBOT
+        response.info.category.category = EntityCategory.CATEGORY_ROBOT
         response.info.description = f"vibro-impact robot, scene {self._run.device.scene.name}"
 
     async def _entity_state(self, request: Any, response: Any) -> None:
