@@ -21,17 +21,22 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
-from vibro_ros.ros.robot.recording import Plan, RobotPublishers, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.robot.recording import Plan, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.robot.run import RobotPublishers
 
 DESCRIPTION = "/robot_description"
-RECEIVED = {name: f"/{name}" for name in COMMAND_UNITS}
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
 
 
 @pytest.fixture
 def topics(bench):
     """Topics that a robot records."""
-    return plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
+    return plan_recording(SETTINGS, topics_of_a_robot(bench), {}).topics
+
+
+def topics_of_a_robot(bench) -> dict[str, str]:
+    """Return the resolved names of a robot's topics."""
+    return RobotPublishers(bench.node, vibro_ros.Scene()).topics | {name: f"/{name}" for name in COMMAND_UNITS}
 
 
 def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_begins_with_the_urdf(
@@ -92,7 +97,7 @@ def test_all_topics_at_1_khz_in_small_files_drop_nothing(start, listener, tmp_pa
 ], ids=["topic", "no topic", "size"])
 def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
-        plan_recording(SETTINGS | wrong, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {})
+        plan_recording(SETTINGS | wrong, topics_of_a_robot(bench), {})
 
 
 def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tmp_path, monkeypatch):

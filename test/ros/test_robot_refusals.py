@@ -76,14 +76,6 @@ def test_a_robot_that_cannot_be_secured_does_not_start(start, tmp_path):
     assert_refused(line, "robot: ROS refuses the arguments: ")
 
 
-def test_too_few_open_files_are_one_line(start):
-    """With 16 to 20 of them the robot ran without some of its endpoints, below lines of Fast DDS."""
-    started = start("robot", before=["sh", "-c", 'ulimit -n 20; exec "$@"', "sh"])
-    assert started.end() == 2, started.text
-    (line,) = started.lines
-    assert_refused(line, "limits a process to 20 open files, and ROS needs 64; raise the limit with `ulimit -n 1024`")
-
-
 def test_what_the_middleware_finds_wrong_is_a_line_of_the_log(start):
     started = start("robot", before=["env", "FASTRTPS_DEFAULT_PROFILES_FILE=none.xml",
                                      "RMW_FASTRTPS_PUBLICATION_MODE=pigeons"])

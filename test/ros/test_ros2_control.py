@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from test_operations import assert_replays
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.node import qos_profile
 
 PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
 KINDS = ("position", "velocity", "effort")
@@ -63,7 +63,7 @@ def test_hardware_by_topics_drives_the_robot_absurd_commands_are_refused_and_the
                   "joint_states:=robot_joint_states")
     robot.wait_for("ready")
     heard: list[String] = []
-    bench.node.create_subscription(String, "robot_description", heard.append, qos.profile("robot_description"))
+    bench.node.create_subscription(String, "robot_description", heard.append, qos_profile("robot_description"))
     bench.spin_until(lambda: heard, "the description")
     system = TopicSystem(bench, heard[0].data)
     assert system.joints == {
