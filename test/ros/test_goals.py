@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from action_msgs.msg import GoalStatus
-from operated_robot import Operator
+from observation import Operator
 from rclpy.action import ActionClient
 
 from vibro_ros.ros.controller import controller
