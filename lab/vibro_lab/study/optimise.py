@@ -351,8 +351,9 @@ def _row(words: str, scene: Scene, attractor: Attractor, values: np.ndarray, dri
     pays = scene["effects.reaction"] and paid.mean() > 0.0 and speed["mean"] != 0.0 and weight > 0.0
     load, unloaded = values[:, len(MEASURED):].mean(axis=0).tolist()
     return {"reading": words, "words": attractor.in_words(), "turns": attractor.turns, "starts": attractor.starts,
-            "share": attractor.share, "low": attractor.low, "high": attractor.high, "speed": speed, "least": attractor.least,
-            "largest": attractor.largest, "power": mean(values[:, 1]), "delivered": mean(values[:, 2]),
+            "share": attractor.share, "low": attractor.low, "high": attractor.high, "speed": speed,
+            "least": attractor.least, "largest": attractor.largest, "power": mean(values[:, 1]),
+            "delivered": mean(values[:, 2]),
             "supply": mean(values[:, SUPPLY]), "ratio": ratio,
             "cost": float(paid.mean() / (weight * abs(speed["mean"]))) if pays else math.nan,
             "drift": 0.0 if attractor.turns else drift_in(drifts, speed["mean"]),
