@@ -35,9 +35,10 @@ from vibro_ros.bag.recorder import Recorder
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.frames import ALL
 from vibro_ros.messages.robot_messages import RobotMessages
-from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.node import qos_profile
 from vibro_ros.ros.robot.pacing import RobotTime, set_real_time_priority
-from vibro_ros.ros.robot.recording import RobotPublishers, recorded_topic
+from vibro_ros.ros.robot.recording import recorded_topic
+from vibro_ros.ros.robot.run import RobotPublishers
 from vibro_ros.sensors.device import new_device
 
 RATES = (1000.0, 200.0)  # Hz
@@ -128,7 +129,7 @@ def _start(case: str) -> float:
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     namespace = f"/node_cost_{os.getpid()}_{time.monotonic_ns()}"  # not used by an earlier process
-    node.create_subscription(Odometry, f"{namespace}/odom", heard.append, qos.profile("odom"))
+    node.create_subscription(Odometry, f"{namespace}/odom", heard.append, qos_profile("odom"))
     try:
         with tempfile.TemporaryDirectory() as folder:
             begun = time.monotonic()
@@ -151,13 +152,13 @@ def latenesses() -> str:
     rows: list[dict[str, str]] = []
     rclpy.init(args=[])
     node = Node("node_cost")
-    commands = node.create_publisher(Float64, "motor_speed", qos.profile("motor_speed"))
+    commands = node.create_publisher(Float64, "motor_speed", qos_profile("motor_speed"))
 
     def keep(message: DiagnosticArray) -> None:
         rows.extend({entry.key: entry.value for entry in status.values} for status in message.status
                     if status.name.endswith("simulation"))
 
-    node.create_subscription(DiagnosticArray, "/diagnostics", keep, qos.profile("diagnostics"))
+    node.create_subscription(DiagnosticArray, "/diagnostics", keep, qos_profile("diagnostics"))
     node.create_timer(1.0 / PARTS_RATE, lambda: commands.publish(Float64(data=SPEEDS["running"])))
     with tempfile.TemporaryDirectory() as folder, Child(*_words(PARTS_RATE, "running", folder), shown=False) as child:
         child.wait_for("ready")
@@ -212,7 +213,7 @@ def _publish(rate: float, namespace: str, part: str | None) -> int:
 
 
 def _publishing(node: Node) -> Callable[[], None]:
-    ready = [(node.create_publisher(type(message), topic, qos.profile(topic)), message)
+    ready = [(node.create_publisher(type(message), topic, qos_profile(topic)), message)
              for topic, message in ready_messages().items()]
 
     def tick() -> None:

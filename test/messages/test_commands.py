@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.commands import joint_commands
+from vibro_ros.messages.topics import joint_commands
 
 SCENE = load_scene("device")
 ALL = ("crank", "upper_plate", "inclined_plate")

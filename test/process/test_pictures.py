@@ -13,7 +13,7 @@ from PIL import Image
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.process.pictures import MOST_PIXELS, default_settings, new_figure, png, set_heading
-from vibro_ros.recordings.report import plot_pair, plot_run
+from vibro_ros.recordings.report import plot_run
 
 PACKAGE = Path(__file__).resolve().parents[2] / "vibro_ros"
 STYLE = """figure.dpi: 900
@@ -87,13 +87,13 @@ def edges(figure) -> np.ndarray:
 def test_a_heading_is_whole_and_above_everything_else(known_run, name):  # noqa: F811
     bag = read_bag(known_run(name=name))
     caption = "  ·  ".join(f"mean of quantity {number} 12.345 W" for number in range(6))
-    for figure in (plot_run(bag, caption), plot_pair(bag, bag)):
-        png(figure)
-        assert edges(figure).max() < 0.0
-        shown = "".join(figure._suptitle.get_text().split())
-        assert "".join(name.split()) in shown and "$" not in name or "$x$of" in shown
-        highest = max(axes.get_tightbbox().y1 for axes in figure.axes)
-        assert figure._suptitle.get_window_extent().y0 > highest
+    figure = plot_run(bag, caption)
+    png(figure)
+    assert edges(figure).max() < 0.0
+    shown = "".join(figure._suptitle.get_text().split())
+    assert "".join(name.split()) in shown and "$" not in name or "$x$of" in shown
+    highest = max(axes.get_tightbbox().y1 for axes in figure.axes)
+    assert figure._suptitle.get_window_extent().y0 > highest
 
 
 def test_a_heading_keeps_its_lines():

@@ -9,12 +9,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64, Float64MultiArray
 
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
-from vibro_ros.messages.codec import Template, deserialised, first_difference, new_message, serialised
+from vibro_ros.messages.codec import deserialised, first_difference, new_message, serialised
 from vibro_ros.messages.frames import ALL, JOINTS, NONE, joints_of
-from vibro_ros.messages.robot_messages import RobotMessages
+from vibro_ros.messages.robot_messages import RobotMessages, Template
 from vibro_ros.messages.topics import SAMPLES, TOPICS
+from vibro_ros.ros.node.node import message_class
 from vibro_ros.ros.robot.pacing import RobotTime
-from vibro_ros.ros.robot.recording import RobotPublishers, message_class
+from vibro_ros.ros.robot.run import RobotPublishers
 from vibro_ros.sensors.device import Measurement
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, TIME, Samples
 

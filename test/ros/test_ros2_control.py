@@ -6,15 +6,14 @@ and `write`.
 import math
 from xml.etree import ElementTree
 
-from observation import value_of
-from operated_robot import stop
+from observation import stop_with_whole_bag, value_of
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from test_operations import assert_replays
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.node import qos_profile
 
 PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
 KINDS = ("position", "velocity", "effort")
@@ -63,7 +62,7 @@ def test_hardware_by_topics_drives_the_robot_absurd_commands_are_refused_and_the
                   "joint_states:=robot_joint_states")
     robot.wait_for("ready")
     heard: list[String] = []
-    bench.node.create_subscription(String, "robot_description", heard.append, qos.profile("robot_description"))
+    bench.node.create_subscription(String, "robot_description", heard.append, qos_profile("robot_description"))
     bench.spin_until(lambda: heard, "the description")
     system = TopicSystem(bench, heard[0].data)
     assert system.joints == {
@@ -95,6 +94,6 @@ def test_hardware_by_topics_drives_the_robot_absurd_commands_are_refused_and_the
     listener.wait_for_status("simulation", lambda status: value_of(status, "rejected commands") == 10.0)
     assert len([line for line in robot.lines if "/joint_commands: 'wheel' is no joint of this robot" in line]) == 1
     robot.wait_for("command refused: /joint_commands: 'elbow\\n' is not commanded by position")
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
     assert_replays(folder, 50, commands=3)  # each sent in one message with the others
     assert "time" in read_bag(folder)["joint_commands"]

@@ -14,8 +14,7 @@ import vibro_ros
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.operations import STATE, Operation
 from vibro_ros.ros.robot.pacing import SUMMARY_PERIOD, StallReport
-from vibro_ros.ros.robot.recording import RobotPublishers
-from vibro_ros.ros.robot.run import ENDED, RobotRun, RunState
+from vibro_ros.ros.robot.run import ENDED, RobotPublishers, RobotRun, RunState
 
 
 def run_of(bench, record, scene=None, **settings) -> RobotRun:

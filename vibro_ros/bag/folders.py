@@ -12,14 +12,12 @@ from pathlib import Path
 from vibro_ros.bag.metadata import FILE_NAME
 from vibro_ros.process.files import kind_of
 
-BAG_PATTERN = "vibro_robot_*"
-"""Pattern of the names that `bag_folders` gives."""
+BAG_PATTERN = "vibro_robot_*"  # pattern of the names that `bag_folders` gives
 
 LONGEST_NAMESPACE = 150
 """Longest part [characters] of a namespace in a folder's name; file systems allow 255 for the whole name."""
 
-MOST_ENTRIES = 100_000
-"""Most files of a folder that are examined."""
+MOST_ENTRIES = 100_000  # most files of a folder that are examined
 
 SUFFIX = ".mcap"
 _OTHERS = {".db3": "is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag of it",

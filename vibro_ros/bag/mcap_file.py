@@ -41,11 +41,8 @@ LARGEST_RECORD = 128 * 2**20
 """Largest content [bytes] of a record, and of a decompressed chunk; a larger one is not read."""
 UNFOLDING = 100
 """Largest total size of the decompressed chunks, in multiples of the file's size, beyond `FREE_UNFOLDING`."""
-FREE_UNFOLDING = 32 * 2**20
-"""Total size [bytes] of decompressed chunks that is always allowed."""
-
-SCHEMAS = ("ros2msg", "ros2idl")
-"""Encodings of the schemas of ROS 2."""
+FREE_UNFOLDING = 32 * 2**20  # total size [bytes] of decompressed chunks that is always allowed
+SCHEMAS = ("ros2msg", "ros2idl")  # encodings of the schemas of ROS 2
 
 Entry = tuple[int, int, int, int, bytes]
 """Channel, sequence number, recorded stamp [ns], publish time [ns] and data of a message."""

@@ -28,8 +28,7 @@ __all__ = ["Arrays", "Bag", "BagError", "BagWarning", "MissingTopicError", "Reco
 Arrays = dict[str, np.ndarray]
 
 JOINT_STATE, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
-MOST_JOINTS = 10_000
-"""Most joints of a topic; each takes memory that is much larger than its name in a message."""
+MOST_JOINTS = 10_000  # most joints of a topic; each takes memory that is much larger than its name in a message
 _MOST_LAYOUTS = 100  # that are kept; a robot has a few
 _JOINTS = ""  # the key of a message's joints among its columns
 LONGEST_FRAME = 1000
@@ -90,13 +89,7 @@ class Bag(Mapping[str, Arrays]):
         return f"<Bag {self.path}: {self.duration:g} s, messages read: {topics or 'none'}>"
 
     def full_name(self, name: str) -> str:
-        """Return the full name of the topic called `name`.
-
-        Raises
-        ------
-        MissingTopicError
-            When no topic, or more than one, has this name.
-        """
+        """Return the full name of the topic called `name` (MissingTopicError when none, or more than one, has it)."""
         types = {topic: recorded.type_name for topic, recorded in self.topics.items()}
         matches = [topic for topic in self.arrays if topic == name or topic.endswith(f"/{name}")
                  and ROBOT_TOPICS.get(_last(topic), types[topic]) == types[topic]]
@@ -111,10 +104,7 @@ class Bag(Mapping[str, Arrays]):
         """Yield the columns of the topic called `name` that have the same instants, each time with their ``time``, and
         ``stamp`` if there is any: first those with the topic's instants, then those of each joint with its own.
 
-        Raises
-        ------
-        MissingTopicError
-            When no topic, or more than one, has this name.
+        MissingTopicError when no topic, or more than one, has this name.
         """
         return series_of(self[name])
 
@@ -320,7 +310,7 @@ class Series:
     def _read_joints(self, message: Any) -> dict[str, Any]:
         """Return the joints of a message, and their quantities from the arrays with a number for each joint.
 
-        In shorter arrays the numbers may belong to any of the joints (`messages.commands`).
+        In shorter arrays the numbers may belong to any of the joints (`messages.topics.joint_commands`).
         """
         quantities = [quantity for quantity in JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
         key = tuple(message.name), tuple(quantities)
@@ -419,8 +409,7 @@ def _frame(path: str) -> Column:
     return Column(checked, is_text=True)
 
 
-STAMP = Column(_stamp)
-"""Column of the header's stamp [ns], which becomes seconds on the scale of ``time``."""
+STAMP = Column(_stamp)  # column of the header's stamp [ns], which becomes seconds on the scale of ``time``
 _FIRST_OF_SIX = slice(0, 15, 7)  # of the diagonal of a matrix with six rows
 JOINT_QUANTITIES = ("position", "velocity", "effort")
 COLUMNS: Mapping[str, Mapping[str, Column]] = {

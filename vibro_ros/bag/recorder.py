@@ -46,7 +46,6 @@ FLUSH_PERIOD = 0.05  # s, between two flushes; a message is promised to be safe 
 WAKE_DELAY = 0.01  # s, from the time when a flush is due until the thread wakes by itself
 WAKING = 1000  # waiting messages that wake the thread early, so that a robot faster than real time fills no queue
 BACKLOG = 20_000  # most messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
-
 SMALLEST_FILE = 100_000  # bytes; topics, index and metadata of a file take about a third of it
 SHORTEST_FILE = 0.1  # s, smallest limit of a file's duration; longer than a period between flushes
 FEWEST_FILES = 2  # in a bag of limited size: the one that is written, and the previous one

@@ -17,19 +17,14 @@ from vibro_ros.bag.metadata import FILE_NAME, custom_of, read_metadata
 from vibro_ros.messages.topics import ROBOT_TOPICS, TOPICS
 from vibro_ros.process.files import one_line, user_path
 
-MOST_FLAWS = 20
-"""Most sentences on what cannot be read that are shown."""
-
-MOST_HELD = 100_000
-"""Most messages that are held to sort a file that is not in time order."""
-MOST_HELD_BYTES = 64 * 2**20
-"""Most bytes of such messages."""
+MOST_FLAWS = 20  # most sentences on what cannot be read that are shown
+MOST_HELD = 100_000  # most messages that are held to sort a file that is not in time order
+MOST_HELD_BYTES = 64 * 2**20  # most bytes of such messages
 
 _TYPES = {name: topic.type for name, topic in TOPICS.items()}
 
 
-Message = tuple[str, int, bytes]
-"""Topic, recorded stamp [ns], serialised message."""
+Message = tuple[str, int, bytes]  # topic, recorded stamp [ns], serialised message
 
 
 class BagError(Exception):

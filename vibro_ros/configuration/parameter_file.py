@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 
 from vibro_ros.configuration.strict_yaml import Pairs, read_yaml
 
-SECTION = "ros__parameters"
-"""Key above the parameters of a node."""
+SECTION = "ros__parameters"  # key above the parameters of a node
 FIXED_OF_RCLPY = {
     "use_sim_time": "take the time of stamps from /clock instead of the computer's clock",
     "start_type_description_service": "offer the service ~/get_type_description",

@@ -24,8 +24,7 @@ class Limits:
     depth: int = 32
 
 
-LIMITS = Limits()
-"""Limits of a file that a user writes."""
+LIMITS = Limits()  # limits of a file that a user writes
 
 INTEGER_BITS = 4096
 """Longest integer [bits]: Python cannot print one of some thousand digits, not even in an error message."""

@@ -1,9 +1,8 @@
 """Messages without ROS: definitions, new messages, serialisation (CDR), and the first difference of two messages."""
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from functools import cache
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-_ENCAPSULATION = 4  # bytes before the first field
-_MARK, _STEP, _OTHER = 0x2B5A1300, 0x1100, 0x80  # marks of a template: exact as int32, and distinct as float32, too
+ENCAPSULATION = 4  # bytes before the first field
 
 
 @cache
@@ -35,61 +33,6 @@ def serialised(message: Any, type_name: str) -> bytes:
     return bytes(jazzy_types().serialize_cdr(message, type_name))
 
 
-class Template:
-    """Messages of which only `count` numbers vary; one compiled call makes the bytes of all of them.
-
-    rosbags serialises the messages once, with a mark in place of each number. The marks in the bytes show where each
-    number belongs, and in which format, so that no rule of CDR stands here. rosbags then serialises the messages with
-    other marks, and RuntimeError is raised unless the template makes the same bytes.
-
-    Parameters
-    ----------
-    messages : sequence of (message, str)
-        Messages and their types, in the order of their bytes.
-    fill : callable
-        Sets `count` numbers in the messages: each is written as it is, or negated, any number of times.
-    """
-
-    def __init__(self, messages: Sequence[tuple[Any, str]], fill: Callable[[Sequence[float]], object], count: int):
-        marks = [_MARK + i * _STEP for i in range(count)]
-        known = {struct.pack(f"<{code}", sign * mark): (code, i, sign)
-                 for i, mark in enumerate(marks) for code in "fid" for sign in (1, -1)}
-        negated, constants, order, codes, end = list[int](), list[bytes](), list[int](), ["<"], 0
-
-        def keep(data: bytes) -> None:
-            constants.append(data)
-            order.append(-len(constants))  # counted from the end of all values that are packed
-            codes.append(f"{len(data)}s")
-
-        fill(marks)
-        self._spans: list[tuple[int, int]] = []  # begin and end of each message
-        for message, type_name in messages:
-            data, begin, at = serialised(message, type_name), 0, _ENCAPSULATION
-            self._spans.append((end, end := end + len(data)))
-            while at < len(data):
-                code, index, sign = known.get(data[at:at + 8]) or known.get(data[at:at + 4]) or ("", 0, 0)
-                if code:
-                    keep(data[begin:at])
-                    order.append(index if sign > 0 else count + len(negated))
-                    negated += [index] if sign < 0 else []
-                    codes.append(code)
-                    begin = at + struct.calcsize(code)
-                at = max(begin, at + 4)  # every number is at a multiple of 4 bytes
-            keep(data[begin:])
-        self._negated, self._constants = negated, constants[::-1]
-        self._in_order, self._pack = itemgetter(*order), struct.Struct("".join(codes)).pack
-        fill(others := [mark + _OTHER for mark in marks])
-        if self.filled(others) != [serialised(message, type_name) for message, type_name in messages]:
-            types = ", ".join(type_name for _, type_name in messages)
-            raise RuntimeError(f"{types}: numbers vary that are not copied or negated")
-
-    def filled(self, numbers: Sequence[float]) -> list[bytes]:
-        """Return the bytes of each message with these numbers in their places."""
-        negated = [-numbers[i] for i in self._negated]
-        data = self._pack(*self._in_order([*numbers, *negated, *self._constants]))
-        return [data[begin:end] for begin, end in self._spans]
-
-
 def deserialised(data: bytes, type_name: str) -> Any:
     """Return the message in `data`, which may come from any peer.
 
@@ -97,7 +40,7 @@ def deserialised(data: bytes, type_name: str) -> Any:
     `data` is no plain CDR (two bytes, 0 and the byte order 0 or 1, then two bytes of options), ends within a field, or
     has more than three bytes after the last field (some libraries pad with up to three).
     """
-    if len(data) < _ENCAPSULATION or data[0] != 0 or data[1] not in (0, 1):
+    if len(data) < ENCAPSULATION or data[0] != 0 or data[1] not in (0, 1):
         raise ValueError(f"{len(data)} bytes are no {type_name}: they do not begin as plain CDR")
     try:
         return jazzy_types().deserialize_cdr(data, type_name)

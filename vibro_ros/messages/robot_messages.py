@@ -7,14 +7,16 @@ the numbers of each sample into its bytes. So equal samples have equal bytes, an
 """
 
 import math
+import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from vibro_ros.messages.codec import Template, new_message, serialised
+from vibro_ros.messages.codec import ENCAPSULATION, new_message, serialised
 from vibro_ros.messages.frames import ALL, JOINTS, NONE, Frames, joints_of
 from vibro_ros.messages.topics import SAMPLE, SAMPLES, SENSOR_TOPICS, TOPICS, published_by
 from vibro_ros.messages.urdf import BASE, robot_description
@@ -22,6 +24,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS, TIME
 
 SECOND = 1_000_000_000  # ns
+_MARK, _STEP, _OTHER = 0x2B5A1300, 0x1100, 0x80  # marks of a template: exact as int32, and distinct as float32, too
 PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
 """Frame of the plate that is struck, by the kind of the event."""
 
@@ -38,6 +41,61 @@ nanosecond.
 def stamp_at(start: int, time: float) -> int:
     """Return the ROS time [ns] of the simulated `time` [s]; `start` is the ROS time [ns] of simulated time 0."""
     return start + round(time * 1e9)
+
+
+class Template:
+    """Messages of which only `count` numbers vary; one compiled call makes the bytes of all of them.
+
+    rosbags serialises the messages once, with a mark in place of each number. The marks in the bytes show where each
+    number belongs, and in which format, so that no rule of CDR stands here. rosbags then serialises the messages with
+    other marks, and RuntimeError is raised unless the template makes the same bytes.
+
+    Parameters
+    ----------
+    messages : sequence of (message, str)
+        Messages and their types, in the order of their bytes.
+    fill : callable
+        Sets `count` numbers in the messages: each is written as it is, or negated, any number of times.
+    """
+
+    def __init__(self, messages: Sequence[tuple[Any, str]], fill: Callable[[Sequence[float]], object], count: int):
+        marks = [_MARK + i * _STEP for i in range(count)]
+        known = {struct.pack(f"<{code}", sign * mark): (code, i, sign)
+                 for i, mark in enumerate(marks) for code in "fid" for sign in (1, -1)}
+        negated, constants, order, codes, end = list[int](), list[bytes](), list[int](), ["<"], 0
+
+        def keep(data: bytes) -> None:
+            constants.append(data)
+            order.append(-len(constants))  # counted from the end of all values that are packed
+            codes.append(f"{len(data)}s")
+
+        fill(marks)
+        self._spans: list[tuple[int, int]] = []  # begin and end of each message
+        for message, type_name in messages:
+            data, begin, at = serialised(message, type_name), 0, ENCAPSULATION
+            self._spans.append((end, end := end + len(data)))
+            while at < len(data):
+                code, index, sign = known.get(data[at:at + 8]) or known.get(data[at:at + 4]) or ("", 0, 0)
+                if code:
+                    keep(data[begin:at])
+                    order.append(index if sign > 0 else count + len(negated))
+                    negated += [index] if sign < 0 else []
+                    codes.append(code)
+                    begin = at + struct.calcsize(code)
+                at = max(begin, at + 4)  # every number is at a multiple of 4 bytes
+            keep(data[begin:])
+        self._negated, self._constants = negated, constants[::-1]
+        self._in_order, self._pack = itemgetter(*order), struct.Struct("".join(codes)).pack
+        fill(others := [mark + _OTHER for mark in marks])
+        if self.filled(others) != [serialised(message, type_name) for message, type_name in messages]:
+            types = ", ".join(type_name for _, type_name in messages)
+            raise RuntimeError(f"{types}: numbers vary that are not copied or negated")
+
+    def filled(self, numbers: Sequence[float]) -> list[bytes]:
+        """Return the bytes of each message with these numbers in their places."""
+        negated = [-numbers[i] for i in self._negated]
+        data = self._pack(*self._in_order([*numbers, *negated, *self._constants]))
+        return [data[begin:end] for begin, end in self._spans]
 
 
 class RobotMessages:

@@ -4,13 +4,15 @@ Publishers, subscriptions, topics of a bag, `qos_overrides`, messages, replay an
 from `TOPICS`. A new topic is one more row, if its numbers are fields of `simulation.samples.Samples`.
 """
 
+import math
+from collections import Counter
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from vibro_ros.messages.commands import joint_commands
-from vibro_ros.messages.frames import ALL, NONE, ODOM, ONLY_BASE
-from vibro_ros.messages.urdf import BASE, IMU
+from vibro_ros.messages.frames import ALL, JOINTS, NONE, ODOM, ONLY_BASE
+from vibro_ros.messages.urdf import BASE, COMMANDED, IMU
+from vibro_ros.model.parameters import quoted
 from vibro_ros.model.scene import Scene
 
 COMMAND, SAMPLE, EVENT, ONCE, NODE, BAG = "command", "sample", "event", "once", "node", "bag"
@@ -135,8 +137,7 @@ ROBOT_TOPICS = {name: topic.type for name, topic in TOPICS.items()
                 if topic.when not in (NODE, BAG) and not topic.sensor}
 """Type of each topic by the last part of its name in a bag; a topic of another type is not the robot's."""
 
-INPUTS = (*COMMANDS, OPERATIONS)
-"""Topics of the inputs, from which a replay computes all other messages."""
+INPUTS = (*COMMANDS, OPERATIONS)  # topics of the inputs, from which a replay computes all other messages
 
 SENSOR_TOPICS = {topic.sensor: name for name, topic in TOPICS.items() if topic.sensor}
 """Topic of each sensor of `sensors.device`; a robot has the topics of the sensors that are on."""
@@ -164,3 +165,47 @@ def published_by(scene: Scene, transforms: str = ALL) -> tuple[str, ...]:
 def full_name(topic: str) -> str:
     """Return a topic's name before namespace and remapping; `topic` is a key of `TOPICS`."""
     return TOPICS[topic].name or topic
+
+
+def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
+    """Return the commands in a JointState of any ROS library, as arguments of `Simulator.command`, and its faults.
+
+    A fault is a sentence on a part of the message that commands nothing. A plate's gap is its position minus the length
+    of the rod in `scene`.
+
+    An array as long as the list of names has one number for each name, in that order. The topic-based hardware of
+    ros2_control (joint_state_topic_hardware_interface) writes shorter arrays, with a number only for each joint that
+    has a command interface of this kind; an array of that length belongs to those joints, in their order. A number that
+    is not finite is no command, because controllers that are not active leave NaN. A message that names a joint twice
+    commands nothing, because it would be ambiguous which of the two numbers holds.
+    """
+    names, commands, faults = list(message.name), dict[str, float](), list[str]()
+    if repeated := [name for name, count in Counter(names).items() if count > 1]:
+        return {}, [f"{quoted(repeated[0])} is named {names.count(repeated[0])} times; name each joint once"]
+    for kind in ("position", "velocity", "effort"):
+        numbers, meant = list(getattr(message, kind)), [name for name in names if _kind(name) == kind]
+        if len(numbers) == len(names):
+            meant = names
+        elif len(numbers) != len(meant) and numbers:
+            faults.append(f"{kind}: {len(numbers)} numbers for {len(names)} names, {len(meant)} of them commanded so; "
+                          "give one a name, or one for each joint that is commanded so")
+            continue
+        for name, number in zip(meant, map(float, numbers), strict=False):
+            if not math.isfinite(number):
+                continue
+            if _kind(name) != kind:
+                faults.append(f"{quoted(name)} is not commanded by {kind}; give {_TAKEN}")
+                continue
+            argument = COMMANDED[name][1]
+            rod = f"crank.{argument.removesuffix('_gap')}_rod"
+            commands[argument] = number - scene[rod] if kind == "position" else number
+    faults += [f"{quoted(name)} is no joint of this robot; give {_TAKEN}" for name in names
+               if name not in JOINTS and not any(quoted(name) in fault for fault in faults)]
+    return commands, faults
+
+
+_TAKEN = ", ".join(f"{joint} by {array}" for joint, (array, _) in COMMANDED.items())
+
+
+def _kind(name: str) -> str:
+    return COMMANDED.get(name, ("", ""))[0]

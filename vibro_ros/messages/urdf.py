@@ -20,13 +20,17 @@ from types import MappingProxyType
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.model.scene import Scene
 
 BASE = "base_link"
 BODY = "body"
 CRANK = "crank"
 IMU = "imu_link"
+
+COMMANDED = {"crank": ("velocity", "motor_speed"), "upper_plate": ("position", "upper_gap"),
+             "inclined_plate": ("position", "inclined_gap")}
+"""For each joint that takes commands, the array of a JointState and the argument of `Simulator.command`: the crank is
+commanded by velocity [rad/s], a plate by position [m], the quantities of `joint_states`."""
 
 FIXED, CONTINUOUS, PRISMATIC, FLOATING = "fixed", "continuous", "prismatic", "floating"
 """Types of joints, as URDF names them.
@@ -49,16 +53,11 @@ BAR = 0.005  # m, thickness of rails, crank and rods
 UNLIMITED = 1e9
 """Limit [m, m/s, N] that stands for none: URDF requires limits of a sliding joint, the model has none here."""
 
-FREE_LENGTH = 0.040
-"""Length [m] of an unstretched drive spring, between slider and mass."""
-MASS_HEIGHT = 0.016
-"""Size [m] of a mass along its guide."""
-RAIL = 0.014
-"""Distance [m] of a guide's rail from its axis."""
-HEADROOM = 0.014
-"""Distance [m] from a plate to the end of its guide; the plate's spring lies there."""
-CLEARANCE = 0.024
-"""Least distance [m] from the ground to the crank's pin, and to a guide's end."""
+FREE_LENGTH = 0.040  # length [m] of an unstretched drive spring, between slider and mass
+MASS_HEIGHT = 0.016  # size [m] of a mass along its guide
+RAIL = 0.014  # distance [m] of a guide's rail from its axis
+HEADROOM = 0.014  # distance [m] from a plate to the end of its guide; the plate's spring lies there
+CLEARANCE = 0.024  # least distance [m] from the ground to the crank's pin, and to a guide's end
 
 Vector = Sequence[float]
 

@@ -16,8 +16,7 @@ from vibro_ros.solver.system import NOTHING, form_value
 #: Symbols of a dc motor's coordinates, each with its line in the section of states.
 MOTOR = {"θ": "θ, θ'    angle [rad] and speed [rad/s] of the crank",
          "Q": "Q, Q' = i    charge [C] that has passed the motor, and its current [A]"}
-#: A coefficient is rounding error if it is smaller than this fraction of the terms that cancel in it.
-_ROUNDING = 1e-12
+_ROUNDING = 1e-12  # a coefficient is rounding error if it is smaller than this fraction of the terms that cancel in it
 
 
 def describe(scene: Scene) -> str:

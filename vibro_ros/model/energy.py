@@ -27,10 +27,8 @@ from vibro_ros.solver.system import NOTHING, AccountTable, GuardTable
 #: The accounts, by their numbers in the solver: `solver.energy.MOTOR` and `RAMPS` come first.
 ACCOUNTS = ("motor", "plates", "drive_dampers", "plate_dampers", "friction", "blows", "landings", "unpaid", "supply",
             "copper", "bearing")
-#: Accounts of a dc motor.
-OF_DC_MOTOR = ACCOUNTS[8:]
-#: Accounts of energy that the robot loses.
-LOSSES = (*ACCOUNTS[2:7], "copper", "bearing")
+OF_DC_MOTOR = ACCOUNTS[8:]  # accounts of a dc motor
+LOSSES = (*ACCOUNTS[2:7], "copper", "bearing")  # accounts of energy that the robot loses
 (_MOTOR, _PLATES, _DRIVE_DAMPERS, _PLATE_DAMPERS, _FRICTION, _BLOWS, _LANDINGS, _UNPAID, _SUPPLY, _COPPER,
  _BEARING) = range(len(ACCOUNTS))
 

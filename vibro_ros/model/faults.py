@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 from vibro_ros.model.parameters import BY_NAME, Parameter, quoted
 
-LONGEST = 86_400.0
-"""Longest duration of a fault or a push [s]."""
+LONGEST = 86_400.0  # longest duration of a fault or a push [s]
 DURATION = Parameter("duration", 0.0, "s", "how long it lasts; 0 ends one that lasts", minimum=0.0, maximum=LONGEST)
 FORCE = Parameter("force", 0.0, "N", "on the body", minimum=-1e6, maximum=1e6)
 

@@ -22,15 +22,11 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.solver.channels import Channels
 
 Form = np.ndarray
-#: A form for each stance of `modes.ModeSet`, shape (stances, channels).
-StanceForms = np.ndarray
+StanceForms = np.ndarray  # a form for each stance of `modes.ModeSet`, shape (stances, channels)
+NO_PUSH = (0.0, 0.0)  # push of zero [N], along x and upwards
+NO_EDGES = (-math.inf, math.inf)  # edges of a ground that is the same everywhere [m]
 
-#: Push of zero [N], along x and upwards.
-NO_PUSH = (0.0, 0.0)
-#: Edges of a ground that is the same everywhere [m].
-NO_EDGES = (-math.inf, math.inf)
-
-#: Symbols of the coordinates of the masses, of their sliders and of their plates.
+# Symbols of the coordinates of the masses, of their sliders and of their plates
 MASS = {"upper": "u", "inclined": "w"}
 SLIDER = {"upper": "s_B", "inclined": "s_C"}
 PLATE = {"upper": "E", "inclined": "H"}

@@ -13,11 +13,8 @@ from vibro_ros.model.parameters import AS_FORWARD, AS_PRESET, BY_NAME
 #: constants, so at this rate a simulated second takes 5e6 steps, some ten seconds. 1 g on 1e9 N/m reaches 1e6 1/s.
 FASTEST_RATE = 1e7
 
-#: Shortest rod of a slider that has a mass, as a multiple of the crank's radius.
-LEAST_ROD = 1.001
-
-#: Least inertia of a dc motor with its crank [kg m²].
-LEAST_MOTOR_INERTIA = 1e-9
+LEAST_ROD = 1.001  # shortest rod of a slider that has a mass, as a multiple of the crank's radius
+LEAST_MOTOR_INERTIA = 1e-9  # least inertia of a dc motor with its crank [kg m²]
 
 #: Number of crank angles in a turn for which the body's inertia in a shock of the crank is computed, and the fraction
 #: by which ratios of its elements may differ between two angles: the sharpest bend, of a slider at `LEAST_ROD`, is

@@ -23,8 +23,7 @@ import numpy as np
 
 from vibro_ros.model.parameters import AS_FORWARD, BY_NAME, Value, parameter_named
 
-#: Least error as a part of the rods' length: 4500 times the rounding of a number.
-LEAST_SHARE = 1e-12
+LEAST_SHARE = 1e-12  # least error as a part of the rods' length: 4500 times the rounding of a number
 _TIME = 7.5e-3  # s
 #: A component of a direction below this is rounding of its angle, which is at most π.
 _ANGLE_ROUNDING = 2.0 * math.pi * np.finfo(float).eps

@@ -21,14 +21,9 @@ Value = Any
 NEGLIGIBLE = 1e-30
 
 
-#: Value of `ground.friction_backward` that stands for the coefficient of forward motion.
-AS_FORWARD = -1.0
-
-#: Value of a sensor's parameter that stands for the number in `sensors.preset`.
-AS_PRESET = -1.0
-
-LONGEST_QUOTE = 200
-"""Most characters of a user's value that a message repeats."""
+AS_FORWARD = -1.0  # value of `ground.friction_backward` that stands for the coefficient of forward motion
+AS_PRESET = -1.0  # value of a sensor's parameter that stands for the number in `sensors.preset`
+LONGEST_QUOTE = 200  # most characters of a user's value that a message repeats
 
 
 def quoted(value: object) -> str:

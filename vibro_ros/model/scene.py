@@ -26,8 +26,7 @@ _WITHOUT_DC_MOTOR = _OPERATION | {name for name in BY_NAME if name.startswith("m
 
 _DEFAULTS = {name: parameter.default for name, parameter in BY_NAME.items()}
 
-PREFIX = "start."
-"""Prefix of the parameters of a given start; a field of `Samples` follows it."""
+PREFIX = "start."  # prefix of the parameters of a given start; a field of `Samples` follows it
 NUMBERS: Mapping[str, Parameter] = {
     name.removeprefix(PREFIX): replace(parameter, name=name.removeprefix(PREFIX), negligible=0.0)
     for name, parameter in BY_NAME.items() if name.startswith(PREFIX) and isinstance(parameter.default, float)}
@@ -113,11 +112,7 @@ class Scene(ParameterValues):
 
     def checked_motor_speed(self, value: object) -> float:
         """Return `value` as a motor speed [rad/s]; raise ValueError if the motor cannot reach it."""
-        fastest = self["motor.max_speed"]
-        try:
-            return _limited("motor.speed", -fastest, fastest).checked(value)
-        except ValueError as error:
-            raise ValueError(f"{error} (the limit is motor.max_speed)") from None
+        return _within("motor.speed", value, self["motor.max_speed"], "motor.max_speed")
 
     def checked_command(self, name: str, value: object) -> float:
         """Return the `value` of the command `name`, an argument of `Simulator.command`; raise ValueError if refused."""
@@ -132,11 +127,7 @@ class Scene(ParameterValues):
 
     def checked_motor_voltage(self, value: object) -> float:
         """Return `value` as a voltage [V]; raise ValueError if the motor's supply cannot give it."""
-        supply = self["motor.supply_voltage"]
-        try:
-            return _limited("motor.voltage", -supply, supply).checked(value)
-        except ValueError as error:
-            raise ValueError(f"{error} (the limit is motor.supply_voltage)") from None
+        return _within("motor.voltage", value, self["motor.supply_voltage"], "motor.supply_voltage")
 
     def checked_gap(self, side: str, value: object) -> float:
         """Return `value` as a gap [m] of the `upper` or `inclined` plate; raise ValueError if it is out of range.
@@ -144,12 +135,7 @@ class Scene(ParameterValues):
         The plate stands at rod + gap from the crank's centre; it must stay on its side of the
         centre and within twice the rod's length.
         """
-        rod = self[f"crank.{side}_rod"]
-        limited = _limited(f"{side}.gap", -rod, rod)
-        try:
-            return limited.checked(value)
-        except ValueError as error:
-            raise ValueError(f"{error} (the limit is the rod's length)") from None
+        return _within(f"{side}.gap", value, self[f"crank.{side}_rod"], "the rod's length")
 
     @functools.cached_property
     def machine(self) -> "Scene":
@@ -173,10 +159,17 @@ def check_scene(scene: object) -> None:
         raise TypeError(f"scene: {quoted(scene)} is no Scene; give {remedy}")
 
 
+def _within(name: str, value: object, limit: float, of: str) -> float:
+    """Return `value` as the parameter `name` within ± `limit` (ValueError: it also names `of`, what sets the limit)."""
+    try:
+        return _limited(name, limit).checked(value)
+    except ValueError as error:
+        raise ValueError(f"{error} (the limit is {of})") from None
+
+
 @functools.lru_cache(maxsize=64)
-def _limited(name: str, minimum: float, maximum: float) -> Parameter:
-    """Return the parameter `name` with these limits."""
-    return replace(BY_NAME[name], minimum=minimum, maximum=maximum)
+def _limited(name: str, limit: float) -> Parameter:
+    return replace(BY_NAME[name], minimum=-limit, maximum=limit)
 
 
 def _scene_once_checked(name: str, parameters: dict[str, Value]) -> Scene:

@@ -13,8 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-LONGEST = 2000
-"""Longest text [characters] that is shown, unless the caller gives another limit."""
+LONGEST = 2000  # longest text [characters] that is shown, unless the caller gives another limit
 
 _KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFDIR: "a folder",
           stat.S_IFSOCK: "a socket", stat.S_IFLNK: "a symbolic link"}

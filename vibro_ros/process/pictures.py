@@ -37,9 +37,7 @@ __all__ = ["Axes", "Figure", "default_settings", "new_figure", "png", "set_headi
 
 MOST_PIXELS = 2**24
 """Most pixels of a picture, which takes 64 MiB of memory; a picture that would have more gets fewer dots per inch."""
-LONGEST_SIDE = 2**15
-"""Most pixels along a side of a picture; the renderer refuses 2**16."""
-
+LONGEST_SIDE = 2**15  # most pixels along a side of a picture; the renderer refuses 2**16
 _EDGE = 0.1  # in, between a heading and the edges of its picture
 
 

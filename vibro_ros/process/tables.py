@@ -8,8 +8,7 @@ import numpy as np
 if TYPE_CHECKING:
     import pandas
 
-AXES = "xyzw"
-"""Ends of the names of an array's columns: `position.x` is the first column of `position`."""
+AXES = "xyzw"  # ends of the names of an array's columns: `position.x` is the first column of `position`
 
 
 def as_table(arrays: Mapping[str, np.ndarray]) -> "pandas.DataFrame":

@@ -1,4 +1,4 @@
-"""The `report` executable: summarises a recording, or compares two, in words, numbers and a picture.
+"""The `report` executable: summarises a recording in words, numbers and a picture.
 
 The picture has the whole run, and beside it a close-up in which every oscillation can be seen. All samples are drawn,
 so that no peak is lost however long the recording is; gaps in the stream stay gaps.
@@ -27,35 +27,28 @@ from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line, user_path
 from vibro_ros.process.pictures import Axes, Figure, default_settings, new_figure, png, set_heading, to_rgb
 from vibro_ros.recordings.energy import RECEIVED, energy_of
-from vibro_ros.recordings.summary import as_caption, as_text, impacts_of, load_samples, pair_as_text, summarise
+from vibro_ros.recordings.summary import as_caption, as_text, impacts_of, load_samples, summarise
 from vibro_ros.simulation.validity import GAP
 
 
-def write_report(bag_folder: Path, output: Path | None = None,
-                 other: Path | None = None) -> tuple[str, tuple[Path, ...]]:
-    """Write summary.txt, summary.json and report.png about a recording, or about two in comparison.
+def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tuple[Path, ...]]:
+    """Write summary.txt, summary.json and report.png about a recording.
 
-    They go into the folder `output`, which is made if missing, by default ``<bag folder>_report`` or ``<bag
-    folder>_against_<name of the other>`` beside the recording. Nothing is ever written into a recording. Returns the
-    summary as text, and the files written. BagError when a recording cannot be read or `output` lies inside it;
-    OSError when `output` cannot be written.
+    They go into the folder `output`, which is made if missing, by default ``<bag folder>_report`` beside the recording.
+    Nothing is ever written into a recording. Returns the summary as text, and the files written. BagError when the
+    recording cannot be read or `output` lies inside it; OSError when `output` cannot be written.
     """
-    folders = [user_path(given).resolve() for given in (bag_folder, other) if given]
-    ending = f"against_{folders[1].name}" if other else "report"
-    output = user_path(output).resolve() if output else folders[0].with_name(f"{folders[0].name}_{ending}")
-    if any(output.is_relative_to(folder) for folder in folders):
+    folder = user_path(bag_folder).resolve()
+    output = user_path(output).resolve() if output else folder.with_name(f"{folder.name}_report")
+    if output.is_relative_to(folder):
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
-    bags = [load_samples(folder) for folder in folders]
-    summaries = [summarise(bag) | {"energy": energy_of(bag)} for bag in bags]
-    if other:
-        text, figure = pair_as_text(*summaries), plot_pair(*bags)
-    else:
-        text, figure = as_text(summaries[0]), plot_run(bags[0], as_caption(summaries[0]), summaries[0]["energy"])
+    bag = load_samples(folder)
+    summary = summarise(bag) | {"energy": energy_of(bag)}
+    text, figure = as_text(summary), plot_run(bag, as_caption(summary), summary["energy"])
     output.mkdir(parents=True, exist_ok=True)
     files = tuple(output / name for name in ("summary.txt", "summary.json", "report.png"))
     files[0].write_text(text, encoding="utf-8")
-    written = json.dumps(summaries if other else summaries[0], indent=2, ensure_ascii=False)
-    files[1].write_text(f"{written}\n", encoding="utf-8")
+    files[1].write_text(f"{json.dumps(summary, indent=2, ensure_ascii=False)}\n", encoding="utf-8")
     files[2].write_bytes(png(figure))
     return text, files
 
@@ -69,7 +62,7 @@ def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     with bag_errors(options.bag):
         try:
-            text, files = write_report(options.bag, options.output, options.other)
+            text, files = write_report(options.bag, options.output)
         except OSError as error:
             where = error.filename or options.output or f"{options.bag}_report"
             raise BagError(f"{where}: cannot write: {error.strerror or error}; give a writable --output") from error
@@ -80,14 +73,11 @@ def _run(words: Sequence[str]) -> int:
 
 def _parser() -> Parser:
     parser = Parser(prog="report", description=f"{EXECUTABLES['report'].does} Distance, speed, impacts, power and gaps "
-                    "in the stream are summed up; of two recordings, their differences.",
+                    "in the stream are summed up.",
                     epilog="Exit code 0: written; 2: no readable recording, or nowhere to write; 129, 130, 143: "
                     "stopped by SIGHUP, SIGINT, SIGTERM.")
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
-    parser.add_argument("other", type=Path, metavar="OTHER_BAG_FOLDER", nargs="?",
-                        help="a second recording: one table and one picture compare the two")
-    parser.add_argument("--output", type=Path, metavar="DIR",
-                        help="where to write (default: BAG_FOLDER_report, or BAG_FOLDER_against_OTHER)")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="where to write (default: BAG_FOLDER_report)")
     return parser
 
 
@@ -154,28 +144,6 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
         draw_energy(bar, energy)
         bar.spines[["top", "right"]].set_visible(False)
         bar.tick_params(color=_FRAME, labelcolor=_TEXT)
-    return figure
-
-
-@default_settings()
-def plot_pair(first: Bag, second: Bag) -> Figure:
-    """Plot displacement, motor speed and mean power of two recordings in the same axes, each from time 0 [s]."""
-    figure = new_figure(13.0, 8.0, 120)
-    set_heading(figure, f"first: {first.path.name}\nsecond: {second.path.name}", 10, color=_TEXT)
-    rows = figure.subplots(3, 1, sharex=True)
-    span = (0.0, max(first.duration, second.duration, 1e-3))
-    for name, bag, colour in zip(("first", "second"), (first, second), _GUIDE_COLOURS.values(), strict=True):
-        body, joints, power = bag["odom"], bag["joint_states"], bag["motor_power"]
-        x = body["position"][:, 0]
-        line(rows[0], body["time"], (x - x[0]) * MM, span, color=colour, label=name)
-        line(rows[1], joints["time"], joints["crank.velocity"], span, color=colour)
-        rows[2].plot(*mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"]),
-                     color=colour, lw=1.3)
-    for axes, label in zip(rows, ("body displacement [mm]", "motor [rad/s]", "power, mean over whole turns [W]"),
-                           strict=True):
-        axes.set_ylabel(label)
-        _tidy(axes, span)
-    rows[-1].set_xlabel("time from the start of each recording [s]", color=_TEXT)
     return figure
 
 

@@ -44,14 +44,10 @@ from vibro_ros.process.files import one_line
 from vibro_ros.sensors.device import SensedSimulator, new_device
 from vibro_ros.simulation.motion import SimulationError
 
-#: Pause [s] of robot time without a message, after which a stamp is checked against a header.
-LONGEST_PAUSE = 10.0
-#: Longest robot time [s] that is simulated for a bag without samples, only with commands.
-LONGEST_UNSAMPLED = 86_400.0
-#: Most samples that are simulated for such a bag.
-MOST_UNSAMPLED = 40_000_000
-#: Most solver steps of a sample.
-MOST_STEPS = 1_000_000
+LONGEST_PAUSE = 10.0  # pause [s] of robot time without a message, after which a stamp is checked against a header
+LONGEST_UNSAMPLED = 86_400.0  # longest robot time [s] that is simulated for a bag without samples, only with commands
+MOST_UNSAMPLED = 40_000_000  # most samples that are simulated for such a bag
+MOST_STEPS = 1_000_000  # most solver steps of a sample
 _PART = 0.1  # s of robot time between two checks of the number of steps
 SAMPLED = tuple(name for name, topic in TOPICS.items()
                 if topic.when == SAMPLE and not topic.of_dc_motor and NONE in topic.transforms)
@@ -294,15 +290,9 @@ class Rerun:
         return True
 
     def _pass_inputs(self, stream: BagStream, begun: bool) -> None:
-        """Pass the inputs in `recorded` to the device, if its run has `begun`.
-
-        Inputs before the sample's checkpoint are left out, because the robot receives inputs after it. Version 1 wrote
-        the changed parameters there, as an operation that nobody had asked for.
-        """
-        names = [name for name, _ in self.recorded]
-        first = names.index(CHECKPOINT) if CHECKPOINT in names else 0
-        for number, (name, data) in enumerate(self.recorded):
-            if name in INPUTS and begun and number >= first:
+        """Pass the inputs in `recorded` to the device, if its run has `begun`."""
+        for name, data in self.recorded:
+            if name in INPUTS and begun:
                 if unreadable := self.receive(name, data):
                     stream.unreadable.add(self._facts.topics[name], self.seen[name], self.stamp, unreadable)
                 self.commands += not unreadable and name in COMMANDS

@@ -29,8 +29,7 @@ COLUMNS = {"odom": ("position", "linear_velocity"), "joint_states": ("*.position
            "motor_speed": ("value",), "upper_gap": ("value",), "inclined_gap": ("value",), "motor_current": ("value",),
            OPERATIONS: ("text",)}
 """Columns that summary and picture need, because a recording may be long; commands are read to find unreadable ones."""
-MOST_OPERATIONS = 50
-"""Most operations that a summary lists."""
+MOST_OPERATIONS = 50  # most operations that a summary lists
 LARGEST = 1e100
 """Largest magnitude of a number that is used: no machine has a larger one, and squares of larger ones overflow."""
 
@@ -195,7 +194,7 @@ NUMBERS: Mapping[str, Number] = {
     "pitch index": Number(_within("validity", "pitch_index"), ".3f"),
     "rms / continuous current": Number(_within("validity", "current_share"), ".3f"),
 }
-"""Numbers in the text of one recording, the table of two, and the caption, by label."""
+"""Numbers in the text of a recording, the table of a replay's differences, and the caption, by label."""
 CAPTION = ("duration", "displacement", "mean speed", *(f"{guide} impacts per turn" for guide in GUIDES), "mean power")
 
 
@@ -213,46 +212,18 @@ def as_text(summary: dict[str, Any]) -> str:
                       *flaw_lines(summary["not_read"])]) + "\n"
 
 
-def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
-    """Return two summaries with their energy as one table: the parameters that differ, and all numbers of both."""
-    lines = aligned([("", "first", "second", "second - first"), *_rows_of_pair(first, second)])
-    for title, summary in (("first", first), ("second", second)):
-        lines += [f"{title}: {line}" for line in (
-            *(energy_as_lines(summary["energy"]) if "unknown" in summary["energy"] else ()),
-            *flaw_lines(summary["not_read"]))]
-    return "\n".join([f"first   {one_line(first['bag'])}", f"second  {one_line(second['bag'])}", "", *lines]) + "\n"
-
-
 def differences_as_text(recorded: dict[str, Any], replayed: dict[str, Any]) -> str:
     """Return the scene's parameters and the numbers in which a replay with changes differs, as one table."""
-    rows = [(name, value, other, difference) for name, value, other, difference in _rows_of_pair(recorded, replayed)
-            if value != other and (difference or name in BY_NAME)]
-    return "\n".join(aligned([("", "recorded", "replayed", "difference"), *rows]))
-
-
-def _rows_of_pair(first: dict[str, Any], second: dict[str, Any]) -> list[tuple[str, str, str, str]]:
-    """Return name, both values and difference of the parameters that differ, and of every number."""
-    given, others = (_parameters(summary["recorder"]) for summary in (first, second))
-    rows = [(one_line(name), _shown(given.get(name)), _shown(others.get(name)), "")
-            for name in sorted(given.keys() | others.keys()) if given.get(name) != others.get(name)]
-    numbers, of_second = _numbers(first), _numbers(second)
-    for name in {**numbers, **of_second}:
-        value, other = numbers.get(name), of_second.get(name)
-        if value is not None or other is not None:
+    given, changed = (_parameters(summary["recorder"]) for summary in (recorded, replayed))
+    rows = [(name, _shown(given.get(name)), _shown(changed.get(name)), "") for name in sorted(BY_NAME)
+            if given.get(name) != changed.get(name)]
+    for label, number in NUMBERS.items():
+        value, other = number.of(recorded), number.of(replayed)
+        shown, shown_other = ("-" if quantity is None else f"{quantity:.6g}" for quantity in (value, other))
+        if shown != shown_other:
             difference = "-" if value is None or other is None else f"{other - value:+.6g}"
-            shown, shown_other = ("-" if number is None else f"{number:.6g}" for number in (value, other))
-            rows.append((name, shown, shown_other, difference))
-    return rows
-
-
-def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
-    """Return the numbers of a summary and of its energy, by labels with units."""
-    energy = summary.get("energy", {})
-    return {**{f"{label} [{number.unit}]" if number.unit else label: number.of(summary)
-               for label, number in NUMBERS.items()},
-            "cost of transport": energy.get("cost_of_transport"),
-            **{f"{name.replace('_', ' ')} [J]": amount for name, amount in energy.get("accounts", {}).items()
-               if amount}}
+            rows.append((f"{label} [{number.unit}]" if number.unit else label, shown, shown_other, difference))
+    return "\n".join(aligned([("", "recorded", "replayed", "difference"), *rows]))
 
 
 def _parameters(recorder: dict[str, str]) -> dict[str, Any]:

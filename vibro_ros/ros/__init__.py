@@ -19,11 +19,9 @@ if TYPE_CHECKING:
         folder_of,
         own_arguments,
     )
-    from vibro_ros.ros.node.node import GuardedNode, PollingSubscription
+    from vibro_ros.ros.node.node import GuardedNode, PollingSubscription, check_qos_overrides, qos_profile
     from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
     from vibro_ros.ros.node.process import CLOCK, node_running, spin_until, wait_for_time
-    from vibro_ros.ros.node.qos import check_overrides as check_qos_overrides
-    from vibro_ros.ros.node.qos import profile as qos_profile
 
 __all__ = ["CLOCK", "GuardedNode", "PollingSubscription", "check_addressed", "check_arguments", "check_names",
            "check_qos_overrides", "declare", "folder_of", "node_running", "own_arguments", "parameter_lines",
@@ -38,13 +36,12 @@ _HOMES = {  # as in `vibro_ros`
     "folder_of": "arguments", "own_arguments": "arguments", "declare": "parameters", "parameter_lines": "parameters",
     "take_overrides": "parameters",
     # its topics
-    "PollingSubscription": "node", "check_qos_overrides": "qos:check_overrides", "qos_profile": "qos:profile",
+    "PollingSubscription": "node", "check_qos_overrides": "node", "qos_profile": "node",
 }
 
 
 def __getattr__(name: str) -> object:
     """Import a public name at its first use."""
     if name in _HOMES:
-        module, _, inner = _HOMES[name].partition(":")
-        return getattr(import_module(f"{__name__}.node.{module}"), inner or name)
+        return getattr(import_module(f"{__name__}.node.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -51,10 +51,8 @@ class Sensor:
     """
 
     name = ""
-    numbers = 0
-    """Numbers of a measurement."""
-    shifted = 0
-    """How many of the numbers, from the first on, the fault `OFFSET` shifts."""
+    numbers = 0  # numbers of a measurement
+    shifted = 0  # how many of the numbers, from the first on, the fault `OFFSET` shifts
 
     def __init__(self, scene: Scene, delay: float, history: int = 0):
         self.rate, self.count, self.history = scene[f"sensors.{self.name}.rate"], 0, np.zeros(history)
@@ -218,8 +216,7 @@ class Tracking(Sensor):
                          self._noise * self._noise])
 
 
-KINDS = {kind.name: kind for kind in (Imu, Encoder, Current, Tracking)}
-"""Classes of sensors by name."""
+KINDS = {kind.name: kind for kind in (Imu, Encoder, Current, Tracking)}  # classes of sensors by name
 
 
 def sensors_on(scene: Scene) -> tuple[str, ...]:

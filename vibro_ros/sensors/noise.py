@@ -19,10 +19,8 @@ from vibro_ros.model.parameters import AS_PRESET
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.elementary import log
 
-BLOCK = 128
-"""Samples whose numbers are made together, because a call of numpy costs as much as some hundred of them."""
-LANES = 4
-"""Random numbers per sample: as many as Philox makes of one counter."""
+BLOCK = 128  # samples whose numbers are made together, because a call of numpy costs as much as some hundred of them
+LANES = 4  # random numbers per sample: as many as Philox makes of one counter
 ACCELERATIONS = ("acceleration_x", "acceleration_z")
 """Names of an IMU's specific force along x and upwards, where it is measured beside fields of `Samples`."""
 FORGETTING = 2.0

@@ -22,10 +22,8 @@ from vibro_ros.view.recorded import Input
 AGREEMENT = 1e-9
 """Largest distance [m, rad] of a simulated position from the recorded one for the motion to be exact; 1e-12 of the
 position is allowed in addition."""
-LONGEST = 1.0
-"""Longest interval [s], so that its samples fit in memory, and Ctrl-C acts between intervals."""
-MOST_EVENTS = 20_000
-"""Most events between two samples at which the motion is cut; a picture cannot show more."""
+LONGEST = 1.0  # longest interval [s], so that its samples fit in memory, and Ctrl-C acts between intervals
+MOST_EVENTS = 20_000  # most events between two samples at which the motion is cut; a picture cannot show more
 
 
 class ExactMotion:

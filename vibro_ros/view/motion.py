@@ -41,28 +41,20 @@ from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.runs import commanded_samples
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
-UNKNOWN = 255
-"""Degree that marks a quantity as unknown in a piece."""
-Document = tuple[dict[str, Any], bytes]
-"""Header and payload."""
-Span = tuple[float, float]
-"""Begin and end [s]."""
-Progress = Callable[[float], object]
-"""Callback with the share of the work that is done, from 0 to 1."""
+UNKNOWN = 255  # degree that marks a quantity as unknown in a piece
+Document = tuple[dict[str, Any], bytes]  # header and payload
+Span = tuple[float, float]  # begin and end [s]
+Progress = Callable[[float], object]  # callback with the share of the work that is done, from 0 to 1
 
 MOST_A_SECOND, MOST_OF_STEPS = 20_000, 2000
 """Most pieces that halving adds in a second, for the method exact and for the others, whose every step may be a jump
 too small to see."""
-#: Coefficients of a polynomial: the number from 12 to 24 that gives the smallest documents.
-NODES = 20
-#: Longest piece [s], about a third of a turn of the crank at 100 rad/s.
-LONGEST = 0.02
+NODES = 20  # coefficients of a polynomial: the number from 12 to 24 that gives the smallest documents
+LONGEST = 0.02  # longest piece [s], about a third of a turn of the crank at 100 rad/s
 #: Distance [s] within which borders are merged: at the speed of an impact, 4 m/s, nothing moves by 1e-10 m in it.
 MERGE_DISTANCE = 2e-11
-#: Length [s] up to which a piece is not halved.
-SHORTEST = 1e-9
-#: Number of last coefficients, all of which must be negligible.
-_TAIL_LENGTH = 3
+SHORTEST = 1e-9  # length [s] up to which a piece is not halved
+_TAIL_LENGTH = 3  # number of last coefficients, all of which must be negligible
 #: Halving has helped if the last coefficients of one half shrink to less than this fraction; those of a smooth quantity
 #: nearly vanish.
 _SHRINK_FACTOR = 0.2
@@ -76,10 +68,8 @@ Sampler = Callable[[np.ndarray], np.ndarray]
 
 #: Precision of a position [m] and of an angle [rad]: the error of a polynomial of 20 coefficients is at most 5e-10 m.
 _PLACE = 5e-11
-#: Precision of other quantities, relative to their largest value: the error is at most 2e-7 of it.
-_PART = 2e-8
-#: Least precision of a position relative to its largest value: rounding is no smaller either.
-_LEAST_PART = 1e-13
+_PART = 2e-8  # precision of other quantities, relative to their largest value: the error is at most 2e-7 of it
+_LEAST_PART = 1e-13  # least precision of a position relative to its largest value: rounding is no smaller either
 
 
 def is_position(name: str) -> bool:

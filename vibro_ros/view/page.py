@@ -16,10 +16,8 @@ from html import escape
 from importlib import resources
 from typing import Any
 
-FILES = resources.files("vibro_ros.view") / "page"
-"""The page's HTML, style and modules, as they are installed."""
-MARK = '<meta name="generator" content="vibro_ros view">'
-"""Mark near the beginning of every page."""
+FILES = resources.files("vibro_ros.view") / "page"  # the page's HTML, style and modules, as they are installed
+MARK = '<meta name="generator" content="vibro_ros view">'  # mark near the beginning of every page
 
 
 def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes] | None = None,

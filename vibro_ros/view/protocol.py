@@ -21,16 +21,12 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
 from vibro_ros.simulation.samples import FIELDS
 
-COLUMNS = FIELDS
-"""Quantities of a row, SI units; `time` is counted from the robot's `origin` [s]."""
-SAMPLES, MOTION = 1, 2
-"""Kinds of binary frames."""
+COLUMNS = FIELDS  # quantities of a row, SI units; `time` is counted from the robot's `origin` [s]
+SAMPLES, MOTION = 1, 2  # kinds of binary frames
 _HEAD = struct.Struct("<II")
 
-LONGEST = 4096
-"""Longest text [bytes] that a page may send."""
-MOST_SECONDS = 5.0
-"""Longest slow motion [s] that a page may ask for; the view keeps the samples of this time."""
+LONGEST = 4096  # longest text [bytes] that a page may send
+MOST_SECONDS = 5.0  # longest slow motion [s] that a page may ask for; the view keeps the samples of this time
 PLAIN_CALLS = ("reset", "step")
 SWITCHES = ("pause", "record")
 PARAMETERS = ("ground.friction",)
@@ -144,8 +140,7 @@ _UNITS = {"time": "s", "position": "m", "height": "m", "velocity": "m/s", "angle
           "power": "W", "torque": "N m", "force": "N", "voltage": "V", "current": "A"}
 
 
-#: Quantities that only a dc motor has.
-ELECTRICAL = ("motor_voltage", "motor_current", "electrical_power")
+ELECTRICAL = ("motor_voltage", "motor_current", "electrical_power")  # quantities that only a dc motor has
 
 
 def drawing(scene: Scene) -> dict[str, Any]:

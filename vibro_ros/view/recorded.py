@@ -1,6 +1,5 @@
 """Samples, impacts and inputs of a recording, and interpolation between samples where the motion is not exact."""
 
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -17,9 +16,7 @@ from vibro_ros.view.motion import Interpolated, Progress, Span, polynomials_thro
 
 MOST_SAMPLES = 1_000_000
 """Most samples of a topic that are read, an hour and a half at 200 Hz: more than a page can show."""
-MOST_INPUTS = 200_000
-"""Most messages that are read of each topic of commands, operations and checkpoints."""
-
+MOST_INPUTS = 200_000  # most messages that are read of each topic of commands, operations and checkpoints
 _FASTEST = 1e100  # rad/s
 
 UNSTAMPED = tuple(name for name, topic in TOPICS.items() if topic.numbers and not topic.frame)
@@ -29,12 +26,10 @@ QUANTITIES = frozenset(FIELDS) - {"time"}
 #: Quantity of each array of `joint_states`.
 _OF_JOINTS = {f"{joint}.{part}": quantity for joint, quantities in JOINTS.items()
               for quantity, part in zip(quantities, JOINT_QUANTITIES, strict=True)}
-STATE = ("odom", "joint_states")
-"""Topics with the robot's state."""
+STATE = ("odom", "joint_states")  # topics with the robot's state
 
 DEGREE = 3
-NEAR = 3e-9
-"""Distance [s] within which instants count as equal, because stamps are rounded to nanoseconds."""
+NEAR = 3e-9  # distance [s] within which instants count as equal, because stamps are rounded to nanoseconds
 
 
 class Input(NamedTuple):
@@ -158,13 +153,6 @@ def interpolate(signals: Mapping[str, Signal], names: Sequence[str], span: Span,
         return borders, np.empty((len(borders), 0, DEGREE + 1))
     return borders, polynomials_through(
         borders, lambda instants: np.stack([_at(signals.get(name), instants) for name in names], axis=2), DEGREE + 1)
-
-
-def common_samples(signals: Mapping[str, Signal], names: Sequence[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Return the quantities `names` at the instants [s] at which all of them were recorded, and these instants."""
-    times = functools.reduce(lambda common, other: np.intersect1d(common, other, assume_unique=True),
-                             [signals[name].times for name in names])
-    return {name: signals[name].values[np.searchsorted(signals[name].times, times)] for name in names}, times
 
 
 def reset_instants(crank: Signal) -> list[float]:

@@ -47,26 +47,18 @@ from vibro_ros.view.protocol import (
     text_frame,
 )
 
-MOST_PAGES = 8
-"""Most pages that may be open at once."""
-MOST_CONNECTIONS = 64
-"""Most connections that may be open at once, including those without a request so far."""
-IDLE_TIMEOUT = 10.0
-"""Time [s] in which a connection must send a request."""
-PING_INTERVAL = 15.0
-"""Time [s] between two pings of a page, each of which must be answered before the next."""
+MOST_PAGES = 8  # most pages that may be open at once
+MOST_CONNECTIONS = 64  # most connections that may be open at once, including those without a request so far
+IDLE_TIMEOUT = 10.0  # time [s] in which a connection must send a request
+PING_INTERVAL = 15.0  # time [s] between two pings of a page, each of which must be answered before the next
 MOST_UNSENT = 64_000_000
 """Most bytes that may wait in one socket's buffer: enough for the payload of a motion, and little more."""
-CLOSE_TIMEOUT = 0.3
-"""Time [s] that pages get to close their web sockets when the server ends."""
+CLOSE_TIMEOUT = 0.3  # time [s] that pages get to close their web sockets when the server ends
 SOCKET_BUFFER = 131_072
 """Size [bytes] of the system's send buffer of a socket; small, so that a slow page does not lag far behind."""
-MOST_BYTES = 2_000_000
-"""Most bytes of samples that wait for one page: 10 s at 1 kHz."""
-MOST_TEXTS = 200
-"""Most texts that wait for one page; none wait for a page that reads."""
-FRAME_BYTES = 250_000
-"""Size [bytes] of samples from which a frame is not extended."""
+MOST_BYTES = 2_000_000  # most bytes of samples that wait for one page: 10 s at 1 kHz
+MOST_TEXTS = 200  # most texts that wait for one page; none wait for a page that reads
+FRAME_BYTES = 250_000  # size [bytes] of samples from which a frame is not extended
 _NO_TOKEN = "this page opens with the whole address that `view` has printed, its token included"
 _NOT_FOUND = "nothing is here; open the whole address that `view` has printed"
 

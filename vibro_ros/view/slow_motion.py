@@ -11,10 +11,8 @@ from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS, shown_quantities
 from vibro_ros.view.recorded import RATES, Signal, interpolate, reset_instants
 
 WHY = "a live robot is drawn between its samples; record it and open the recording (view BAG_FOLDER) for every instant"
-STAMP = 1e-9
-"""Resolution of stamps [s]: times closer to each other differ only by rounding."""
-MOST_IMPACTS = 2000
-"""Most impacts that are kept, some 100 turns of the crank."""
+STAMP = 1e-9  # resolution of stamps [s]: times closer to each other differ only by rounding
+MOST_IMPACTS = 2000  # most impacts that are kept, some 100 turns of the crank
 _TIME = COLUMNS.index("time")
 
 

@@ -49,7 +49,7 @@ from vibro_ros.view.motion import (
 )
 from vibro_ros.view.page import MARK, page_text
 from vibro_ros.view.protocol import drawing, shown_quantities
-from vibro_ros.view.recorded import Input, Recorded, Signal, common_samples, interpolate, reset_instants
+from vibro_ros.view.recorded import Input, Recorded, interpolate, reset_instants
 
 _HEAD = 4096  # bytes at the beginning of a file in which a page has its mark
 
@@ -132,12 +132,9 @@ def _parser() -> Parser:
 LARGEST = 96 * 2**20
 """Largest payload of a motion [bytes]: ten minutes of the busiest shipped scene, which take half a gigabyte in a
 browser. The rest of a longer motion is left out."""
-MOST_IMPACTS = 50_000
-"""Most impacts in a header; of more, the hardest are kept."""
-MOST_FAULTS = 5
-"""Most reasons that are named why a motion is not exact."""
-UNKNOWN_ROBOT = "device"
-"""Scene whose dimensions are drawn when a bag does not state the robot's scene."""
+MOST_IMPACTS = 50_000  # most impacts in a header; of more, the hardest are kept
+MOST_FAULTS = 5  # most reasons that are named why a motion is not exact
+UNKNOWN_ROBOT = "device"  # scene whose dimensions are drawn when a bag does not state the robot's scene
 
 #: Shares of the work that are done when the samples are read, and when they are simulated again.
 _READ_SHARE, _SIMULATED_SHARE = 0.5, 0.7
@@ -199,7 +196,6 @@ class _BagMotion:
             self._recorded.read_forces()
             self._signals = self._recorded.signals(self._times)
         scene = self._scene or load_scene(UNKNOWN_ROBOT)
-        self._add_voltage(scene)
         names = [name for name in shown_quantities(scene) if self._scene or name in self._signals]
         rest = [interpolate(self._signals, names, span, self._resets) for span in inexact]
         instants = self._exact.instants if self._exact else []
@@ -278,18 +274,6 @@ class _BagMotion:
             self._faults.append(f"the recording begins {late:.6g} s after the robot's start and what it had "
                                 "received before is unknown")
         self._faults += self._exact.faults
-
-    def _add_voltage(self, scene: Scene) -> None:
-        """Add the voltage of a dc motor, which is not recorded, from its power and current.
-
-        Where no current flows, the voltage is the back-EMF of the turning rotor.
-        """
-        names = ("motor_current", "electrical_power", "motor_speed")
-        if scene.has_rotor and set(names) <= set(self._signals):
-            samples, times = common_samples(self._signals, names)
-            current, power, speed = (samples[name] for name in names)
-            voltage = np.divide(power, current, out=scene.motor_constant * speed, where=current != 0.0)
-            self._signals["motor_voltage"] = Signal(times, voltage, None)
 
     @property
     def _ends(self) -> Span:

@@ -20,9 +20,9 @@ from tools.generated_text import replaced
 from vibro_lab.executables import EXECUTABLES as OF_THE_LAB
 from vibro_lab.study.measures import MEASURES
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.commands import COMMANDED
 from vibro_ros.messages.frames import JOINTS
 from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.messages.urdf import COMMANDED
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.script import read_script

@@ -30,23 +30,17 @@ from vibro_ros.ros.node import process
 from vibro_ros.ros.node.node import PollingSubscription, installed_type
 from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 
-PARAMETERS_TIMEOUT = 5.0
-"""Longest wait [s] for the robot's parameters before the first command."""
+PARAMETERS_TIMEOUT = 5.0  # longest wait [s] for the robot's parameters before the first command
 ANSWERS_TIMEOUT = 1.0
 """Time [s] after which the wait ends if no subscriber of the commands is a robot, or if one is and others do not
 answer."""
-LOOK_PERIOD = 0.2
-"""Time [s] between two searches for subscribers of the commands."""
-MOST_ASKED = 16
-"""Most subscribers of the commands that are asked for their parameters."""
-LONGEST_NAME = 200
-"""Longest full name of a node [characters]."""
-OWN_TYPES = "vibro_ros_interfaces"
-"""Package with the types of the service for faults and of the actions."""
+LOOK_PERIOD = 0.2  # time [s] between two searches for subscribers of the commands
+MOST_ASKED = 16  # most subscribers of the commands that are asked for their parameters
+LONGEST_NAME = 200  # longest full name of a node [characters]
+OWN_TYPES = "vibro_ros_interfaces"  # package with the type of the service for faults
 LIVE_LIMIT = "motor.max_speed"
 ODOM = "odom"
-ODOMETRY_DEPTH = 1000
-"""Most samples of odometry that wait for the next step of feedback: 1 s at 1 kHz."""
+ODOMETRY_DEPTH = 1000  # most samples of odometry that wait for the next step of feedback: 1 s at 1 kHz
 
 
 class CommandedRobot:
@@ -92,26 +86,18 @@ class CommandedRobot:
 
     def wait(self, stop: StopRequest) -> None:
         """Return when the robot is known, when no subscriber is a robot of this package, or on `stop`."""
-        self.ask_again()
+        self._asked_at = time.monotonic()
 
         def over() -> bool:
             self.tick()
-            return bool(stop or self.answered)
+            return bool(stop or self._answered)
 
         process.spin_until(self._node, over)
         if not (stop or self.settings):
             self._node.get_logger().info(f"{self} does not say its limits: what it refuses shows in its log only")
 
-    def ask_again(self) -> None:
-        """Forget the robot's parameters and read them again, because another robot may have taken its place."""
-        self.name, self.settings, self._refused, self._asked_at = "", None, "", time.monotonic()
-        self._robots.clear()
-        self._last_look = 0.0
-        for reader in self._readers.values():
-            reader.read()
-
     @property
-    def answered(self) -> bool:
+    def _answered(self) -> bool:
         """Whether the robot is known, or the wait for it is over."""
         waited = time.monotonic() - self._asked_at
         reading = not self._readers or any(reader.reading for name, reader in self._readers.items()
@@ -181,12 +167,6 @@ class OdometrySubscription:
         self._clock = node.get_clock()
         self._waiting: deque[tuple[int, float]] = deque(maxlen=ODOMETRY_DEPTH)
         self._samples = PollingSubscription(node, Odometry, ODOM, QoSProfile(depth=ODOMETRY_DEPTH))
-
-    def restart(self) -> None:
-        """Begin a new mean of the samples that arrive from now on."""
-        self.mean = MeanPosition()
-        self._samples.take(ODOMETRY_DEPTH)
-        self._waiting.clear()
 
     def read(self, time: float) -> MeanPosition:
         """Return the mean with all samples that have arrived at `time` [s] of the script."""

@@ -13,10 +13,8 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-WITHIN = 0.005
-"""Default tolerance of a goal [m/s or m]."""
-MOTOR_RANGE = (0.0, 100.0)
-"""Default range of motor speeds [rad/s] that feedback uses."""
+WITHIN = 0.005  # default tolerance of a goal [m/s or m]
+MOTOR_RANGE = (0.0, 100.0)  # default range of motor speeds [rad/s] that feedback uses
 
 
 class GoalError(RuntimeError):
@@ -90,10 +88,8 @@ def direction(reach: float) -> str:
     return "backwards" if reach < 0.0 else "forwards"
 
 
-WINDOW = 0.25
-"""Time [s] over which a position is averaged, because the body swings with every turn of the crank."""
-FARTHEST = 1e9
-"""Largest distance [m] from the origin in odometry; a sample beyond is refused."""
+WINDOW = 0.25  # time [s] over which a position is averaged, because the body swings with every turn of the crank
+FARTHEST = 1e9  # largest distance [m] from the origin in odometry; a sample beyond is refused
 LEAP, FASTEST = 0.1, 5.0
 """A step between two samples of more than 0.1 m plus 5 m/s times their distance in time is a reset of odometry."""
 
@@ -148,15 +144,12 @@ class MeanPosition:
 
 BANDWIDTH = 1.5
 """Bandwidth [rad/s] of the speed law, if the mean speed were proportional to the motor's speed up to `reach`."""
-INTEGRAL = 0.25
-"""Integral gain as a fraction of `BANDWIDTH` squared; with it the control would be critically damped."""
+INTEGRAL = 0.25  # integral gain as a fraction of `BANDWIDTH` squared; with it the control would be critically damped
 LONGEST_LEAD = 0.7
 """Largest distance of the target position from the body, as time [s] at `reach`: the target does not run away from a
 robot that cannot follow, which would have to catch up later."""
-LONGEST_STEP = 0.5
-"""Longest time [s] that one step counts for, after a pause of odometry."""
-SHORT = 1.0
-"""Time [s] of the mean speeds that show when the speed has settled, and how far it strays."""
+LONGEST_STEP = 0.5  # longest time [s] that one step counts for, after a pause of odometry
+SHORT = 1.0  # time [s] of the mean speeds that show when the speed has settled, and how far it strays
 
 
 class SpeedLaw:
@@ -256,21 +249,16 @@ class SpeedLaw:
 APPROACH = 0.7
 """Distance at which the motor begins to slow down, as time [s] at `reach`; it is also the time constant of the
 approach."""
-CREEP = 0.3
-"""Least motor speed of the approach, as a share of the motor's range: below it the robot hardly moves."""
-BOOST = 0.1
-"""Rate [1/s] at which this share grows while the robot does not come nearer."""
-LOOK_BACK = 1.0
-"""Time [s] over which it is checked whether the robot comes nearer."""
+CREEP = 0.3  # least motor speed of the approach, as a share of the motor's range: below it the robot hardly moves
+BOOST = 0.1  # rate [1/s] at which this share grows while the robot does not come nearer
+LOOK_BACK = 1.0  # time [s] over which it is checked whether the robot comes nearer
 NEARER = 0.1, 0.0005
 """The robot comes nearer if it covers this fraction of the distance in `LOOK_BACK`, or this many metres."""
-EARLY = 0.1
-"""The motor stops when the distance left after braking is this fraction of the tolerance."""
+EARLY = 0.1  # the motor stops when the distance left after braking is this fraction of the tolerance
 BRAKING = 0.3
 """Time [s] for which a stopping robot counts as going on at its speed: half of its motor's ramp, and half of the window
 of the mean."""
-SPEED_OVER = 0.25
-"""Time [s] over which the speed for the braking distance is measured."""
+SPEED_OVER = 0.25  # time [s] over which the speed for the braking distance is measured
 STANDSTILL = 0.5, 0.05
 """The body is at rest when it moved by no more than this fraction of the tolerance in this time [s]."""
 
@@ -357,12 +345,9 @@ class PositionLaw:
         self._distances.clear()
 
 
-RATE = 20.0
-"""Rate of feedback [commands/s]."""
-ODOMETRY_TIMEOUT = 2.0
-"""Longest time [s] without a new sample of odometry."""
-MOST_LEAPS = 3
-"""Most leaps of the position in one entry; with more, odometry is not trusted any more."""
+RATE = 20.0  # rate of feedback [commands/s]
+ODOMETRY_TIMEOUT = 2.0  # longest time [s] without a new sample of odometry
+MOST_LEAPS = 3  # most leaps of the position in one entry; with more, odometry is not trusted any more
 
 
 class GoalTracking:

@@ -23,14 +23,11 @@ from vibro_ros.ros.node.process import CLOCK
 
 ACKNOWLEDGE_TIMEOUT = 0.5
 """Longest wait [s] for the robot to acknowledge the last message; Fast DDS asks for that every 3 s only."""
-REPETITIONS = 3
-"""Number of times that the motor's command is sent within the robot's `command.timeout`."""
-ROUNDING = 5e-10
-"""Tolerance [s] of instants, which are sums of rounded numbers while ROS time has whole nanoseconds."""
+REPETITIONS = 3  # number of times that the motor's command is sent within the robot's `command.timeout`
+ROUNDING = 5e-10  # tolerance [s] of instants, which are sums of rounded numbers while ROS time has whole nanoseconds
 Schedule = Iterable[tuple[float, Callable[[], None]]]
 """Instants [s] from the start, ascending, each with an action; the next is taken when the action is done."""
-REPORT_PERIOD = 10.0
-"""Time [s] between two log lines about the wait for a robot."""
+REPORT_PERIOD = 10.0  # time [s] between two log lines about the wait for a robot
 STANDSTILL_PERIOD = 2.0
 """Wall time [s] without progress of ROS time after which the log says so, once for each standstill."""
 

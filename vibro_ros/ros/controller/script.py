@@ -20,14 +20,10 @@ from vibro_ros.model.faults import FAULTS, Incident, checked_incident
 from vibro_ros.model.parameters import nearest
 from vibro_ros.ros.controller.feedback import MOTOR_RANGE, WITHIN, Goal, PositionGoal, SpeedGoal
 
-MOTOR = "motor_speed"
-"""The command that feedback gives."""
-LONGEST_SCRIPT = 100_000
-"""Most segments that a script may unfold to; nested repeats multiply."""
-DEEPEST_BLOCK = 10
-"""Deepest nesting of blocks."""
-GOAL_KEYS = ("hold_speed", "go_to")
-"""Keys of an entry with a goal for feedback."""
+MOTOR = "motor_speed"  # the command that feedback gives
+LONGEST_SCRIPT = 100_000  # most segments that a script may unfold to; nested repeats multiply
+DEEPEST_BLOCK = 10  # deepest nesting of blocks
+GOAL_KEYS = ("hold_speed", "go_to")  # keys of an entry with a goal for feedback
 SHORTEST = 4.0
 """Shortest time [s] to hold a speed: half of it to settle, half of it to be measured over some turns of the crank."""
 _GAPS = tuple(name for name in COMMAND_UNITS if name.endswith("_gap"))
@@ -135,11 +131,6 @@ class Script:
         share = (time - segment.start) / segment.duration if time < segment.end else 1.0
         return {name: ramp.at(share) for name, ramp in segment.ramps.items()}
 
-    def instants(self, rate: float) -> Iterator[float]:
-        """Yield the instants [s] at which commands change, in order, if every goal takes its longest time."""
-        for segment in self.segments:
-            yield from segment.instants(rate)
-
 
 def read_script(path: Path) -> Script:
     """Read and check a script, a YAML file (ValueError with the file, the entry and the reason)."""
@@ -153,13 +144,6 @@ def read_script(path: Path) -> Script:
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     return script
-
-
-def read_goal(entry: Mapping[str, object]) -> tuple[float, Goal]:
-    """Return the longest time [s] and the goal of a single entry outside of a script (ValueError as in a script)."""
-    segment = _Unfolding().goal_segment(entry, [], 0.0, 0.0, "")
-    assert segment.goal
-    return segment.duration, segment.goal
 
 
 class _EntryError(ValueError):
@@ -218,7 +202,7 @@ class _Unfolding:
         if "entries" in entry or "repeat" in entry:
             yield from self.block(entry, start, f"{number}.")
         elif any(key in entry for key in GOAL_KEYS):
-            yield self.goal_segment(entry, later, block_start, start, number)
+            yield self._goal_segment(entry, later, block_start, start, number)
         else:
             yield self._command_segment(entry, later, block_start, start, number)
 
@@ -232,7 +216,7 @@ class _Unfolding:
         return Segment(number, start, duration, ramps, tuple(given), str(entry.get("note", "")),
                        incident=_incident(entry, duration))
 
-    def goal_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
+    def _goal_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
                      ) -> Segment:
         """Return the segment of an entry with a goal; only after `go_to` the motor's command is known, which is 0."""
         goal = _read_goal(entry)

@@ -15,16 +15,12 @@ from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.operations import RESET, TIMEOUT, Operation
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.node import PollingSubscription
+from vibro_ros.ros.node.node import PollingSubscription, qos_profile
 
 SPEED = "motor_speed"
-MOST = 200
-"""Most messages of one topic that are taken in one batch."""
-RETURN_TIMEOUT = 3.0
-"""Time [s] that a page gets to come back after it was reloaded or lost its connection."""
-REPEATS = 3
-"""Number of times that the motor's command is sent in one `command.timeout`, so that one or two may be lost."""
+MOST = 200  # most messages of one topic that are taken in one batch
+RETURN_TIMEOUT = 3.0  # time [s] that a page gets to come back after it was reloaded or lost its connection
+REPEATS = 3  # number of times that the motor's command is sent in one `command.timeout`, so that one or two may be lost
 STOP_ATTEMPTS = 8
 STOP_INTERVAL = Duration(nanoseconds=500_000_000)
 """The last command is sent so often, at this interval, until the robot has received it: Fast DDS repeats a lost
@@ -43,8 +39,8 @@ class PageCommands:
     def __init__(self, node: Node, now: Callable[[], float] = time.monotonic):
         self.in_force: dict[str, float] = {}
         self.of_page = False
-        self._topics = {name: PollingSubscription(node, Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
-        self._publishers = {name: node.create_publisher(Float64, name, qos.profile(name)) for name in COMMAND_UNITS}
+        self._topics = {name: PollingSubscription(node, Float64, name, qos_profile(name)) for name in COMMAND_UNITS}
+        self._publishers = {name: node.create_publisher(Float64, name, qos_profile(name)) for name in COMMAND_UNITS}
         self._sent = deque[float](maxlen=MOST)  # speeds sent by pages, not yet received back
         self._now = now
         self._page_seen_at = self._repeated_at = now()

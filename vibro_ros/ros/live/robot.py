@@ -25,30 +25,23 @@ from vibro_ros.messages.operations import PAUSE, RESUME, Operation, read_operati
 from vibro_ros.messages.robot_messages import PLATES, SAMPLE_LABELS
 from vibro_ros.messages.topics import OPERATIONS, SAMPLES, TOPICS, full_name
 from vibro_ros.process.files import one_line
-from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.node import GuardedNode, PollingSubscription
+from vibro_ros.ros.node.node import GuardedNode, PollingSubscription, qos_profile
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 from vibro_ros.simulation.samples import FIELDS, TIME
 
-SECOND = 1_000_000_000
-"""Nanoseconds in a second."""
-MOST = 500
-"""Most samples taken in one batch, 15,000 a second; of more, DDS drops the oldest."""
-LONGEST = 10_000
-"""Longest message [bytes] that is read; a sample has about a thousand."""
-LONGEST_RUN = 1e8
-"""Longest robot time [s], three years; later times do not have nanoseconds as a float."""
+SECOND = 1_000_000_000  # nanoseconds in a second
+MOST = 500  # most samples taken in one batch, 15,000 a second; of more, DDS drops the oldest
+LONGEST = 10_000  # longest message [bytes] that is read; a sample has about a thousand
+LONGEST_RUN = 1e8  # longest robot time [s], three years; later times do not have nanoseconds as a float
 SILENCE_TIMEOUT = 3.0
 """Time [s] without samples and diagnostics, which come each second, after which a robot counts as silent."""
-READ_PERIOD = 2.0
-"""Time [s] after which a robot is asked again for its parameters, if they were invalid."""
+READ_PERIOD = 2.0  # time [s] after which a robot is asked again for its parameters, if they were invalid
 FIRST_SAMPLE_TIMEOUT = 1.5
 """Time [s] in which the first sample must arrive; a robot that publishes diagnostics and no sample is paused."""
 RIVALRY_PERIOD = 2.0
 """Time [s] in which the run changes at most once, unless there are two robots: a robot needs about 1 s to start."""
-MOST_NAMED = 5
-"""Most other robots that are named in a message."""
+MOST_NAMED = 5  # most other robots that are named in a message
 _LABEL = ",".join(SAMPLE_LABELS)
 _NO_ROWS = np.empty((0, len(FIELDS)))
 
@@ -66,7 +59,7 @@ class LiveRobot:
         self.origin: int | None = None
         self.silences = 0
         self._node, self._robot, self._runs = node, robot, Runs()
-        self._samples = PollingSubscription(node, Float64MultiArray, f"{robot}/{SAMPLES}", qos.profile(SAMPLES))
+        self._samples = PollingSubscription(node, Float64MultiArray, f"{robot}/{SAMPLES}", qos_profile(SAMPLES))
         self._fault, self._publishers = "", frozenset[bytes]()
         self._others: list[str] = []
         self._last_received = self._read_at = float("-inf")
@@ -220,16 +213,12 @@ class Runs:
         return has_restarted
 
 
-MOST_REPORTS = 200
-"""Most messages of one topic that are taken in one batch; of more, DDS drops the oldest."""
-LONGEST_REPORT = 100_000
-"""Longest message [bytes] that is read."""
-LONGEST_LINE = 500
-"""Longest line [characters] that is shown."""
+MOST_REPORTS = 200  # most messages of one topic that are taken in one batch; of more, DDS drops the oldest
+LONGEST_REPORT = 100_000  # longest message [bytes] that is read
+LONGEST_LINE = 500  # longest line [characters] that is shown
 _NO_RECORDING, _FAULT = "not recording", 2
 """The recorder's diagnostics: message when nothing is recorded, and level when recording has failed."""
-WARNING, ERROR = 30, 40
-"""Levels of rcl_interfaces/msg/Log."""
+WARNING, ERROR = 30, 40  # levels of rcl_interfaces/msg/Log
 _LOG = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -250,10 +239,10 @@ class RobotStatus:
     def __init__(self, node: Node, robot: str):
         self._robot, self._logger = robot, robot.strip("/").replace("/", ".")
         self._log = PollingSubscription(node, Log, "/rosout", _LOG)
-        self._impacts = PollingSubscription(node, WrenchStamped, "impacts", qos.profile("impacts"))
+        self._impacts = PollingSubscription(node, WrenchStamped, "impacts", qos_profile("impacts"))
         self._diagnostics = PollingSubscription(node, DiagnosticArray, full_name("diagnostics"),
-                                             qos.profile("diagnostics"))
-        self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos.profile(OPERATIONS))
+                                             qos_profile("diagnostics"))
+        self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos_profile(OPERATIONS))
         self._frames: dict[str, str] = {}
         self.status: dict[str, Any] = {}
 

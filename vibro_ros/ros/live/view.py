@@ -65,8 +65,7 @@ from vibro_ros.view.slow_motion import History
 
 NODE_NAME = "vibro_view"
 PORT = 8742
-NICENESS = 5
-"""Niceness of the view, so that it gives way to the robot, which must keep time."""
+NICENESS = 5  # niceness of the view, so that it gives way to the robot, which must keep time
 PARAMETERS = (
     Parameter("robot", ROBOT, "", "name of the robot's node, with its namespace if that is another than the view's"),
 )
@@ -161,25 +160,18 @@ def _parser() -> Parser:
     return parser
 
 
-PERIOD = 1.0 / 30.0
-"""Time [s] between two batches of samples."""
-LOOK_PERIOD = 0.5
-"""Time [s] between two checks of who publishes and who offers services."""
+PERIOD = 1.0 / 30.0  # time [s] between two batches of samples
+LOOK_PERIOD = 0.5  # time [s] between two checks of who publishes and who offers services
 ABSENCE_TIMEOUT = 5.0
 """Time [s] after which the log says that there is no robot; a robot started together with the view takes 2 s."""
-MOST_REQUESTED = 400
-"""Most requests of pages that wait for the node."""
-IMPACT_MARGIN = 1.0
-"""Time [s] by which an impact may lie before robot time 0 or after the latest sample."""
-ANSWER_TIMEOUT = 5.0
-"""Longest wait [s] for an answer of the robot."""
-MOST_WAITING = 50
-"""Most service calls that wait for an answer at once."""
+MOST_REQUESTED = 400  # most requests of pages that wait for the node
+IMPACT_MARGIN = 1.0  # time [s] by which an impact may lie before robot time 0 or after the latest sample
+ANSWER_TIMEOUT = 5.0  # longest wait [s] for an answer of the robot
+MOST_WAITING = 50  # most service calls that wait for an answer at once
 STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
 _TIME = COLUMNS.index("time")
 
-Answer = Callable[[bool, str], object]
-"""Callback with the outcome of a request: whether it was done, and a sentence."""
+Answer = Callable[[bool, str], object]  # callback with the outcome of a request: whether it was done, and a sentence
 
 
 class Presence(NamedTuple):

@@ -19,8 +19,7 @@ REMAP = ("--remap", "-r")
 FILE = "--params-file"
 EXAMPLES = {**dict.fromkeys(OVERRIDE, "scene:=paper"), **dict.fromkeys(REMAP, "odom:=body/odom"), FILE: "robot.yaml"}
 """Example of a value for each option of ROS."""
-TOPIC_LENGTH = 247
-"""Longest full name of a topic [characters] in rcl and rmw."""
+TOPIC_LENGTH = 247  # longest full name of a topic [characters] in rcl and rmw
 TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
 """Topics that nodes share, which no other topic may be remapped to."""
 

@@ -7,7 +7,7 @@ without an answer waits for ever, and such a message is refused.
 
 import copy
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Iterable
 from functools import partial
 from importlib import import_module
 from inspect import isawaitable
@@ -20,7 +20,7 @@ from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.service import Service
 from rclpy.subscription import Subscription
@@ -28,23 +28,22 @@ from rclpy.type_support import NoTypeSupportImportedException, check_for_type_su
 from rosgraph_msgs.msg import Clock
 
 from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
+from vibro_ros.messages.topics import TOPICS
 from vibro_ros.process.files import one_line
-from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.parameters import change_of, set_refusal
 from vibro_ros.ros.node.refusals import LONGEST_SENTENCE, Refusals
 
 LAST_SECOND = 2**31 - 1 - 10**7
 """Latest ROS time [s] that is accepted from /clock: a stamp's seconds end at 2**31 - 1, some months later."""
-MOST_NAMES = 1000
-"""Most names in one request to a parameter service; the robot has fewer parameters."""
-LONGEST_NAME = 1000
-"""Longest name in such a request [characters]."""
-RESULT_TIMEOUT = 60
-"""Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
+MOST_NAMES = 1000  # most names in one request to a parameter service; the robot has fewer parameters
+LONGEST_NAME = 1000  # longest name in such a request [characters]
 UNPUBLISHED = 0.02
 """Time [s] between two polls of a topic without publishers, for one that came and left between two polls."""
-SENTENCES = ("message", "reason", "error_message")
-"""Fields of service responses that hold a sentence."""
+OVERRIDES = "qos_overrides"
+POLICIES = {"reliability": ("reliable", "best_effort"), "history": ("keep_last", "keep_all"), "depth": ()}
+"""The policies that a user may override, and their values; a depth is a number."""
+DEEPEST = 100_000  # largest depth [messages] that a user may give
+SENTENCES = ("message", "reason", "error_message")  # fields of service responses that hold a sentence
 
 
 class GuardedNode(Node):
@@ -97,7 +96,7 @@ class GuardedNode(Node):
         Without overrides both are unchanged, and rclpy declares no parameters for them. Otherwise the profile is a
         copy, because rclpy changes the one that it is given.
         """
-        name = f"{qos.OVERRIDES}.{self.resolve_topic_name(topic)}.{kind}"
+        name = f"{OVERRIDES}.{self.resolve_topic_name(topic)}.{kind}"
         given = [policy for policy in QoSPolicyKind if self.has_parameter(f"{name}.{policy.name.lower()}")]
         return (copy.copy(profile), {**options, "qos_overriding_options": QoSOverridingOptions(given)}) if given else (
             profile, options)
@@ -205,12 +204,50 @@ def installed_type(package: str, kind: str, name: str) -> Any:
     return interface
 
 
-class NextTurn:
-    """Awaitable with which a coroutine waits for the executor's next turn."""
+def message_class(type_name: str) -> type:
+    """Return the class of a message type such as ``nav_msgs/msg/Odometry``.
 
-    def __await__(self) -> Generator[None, None, None]:
-        """Yield to the executor once."""
-        yield
+    ValueError if it is not installed; the message names the package to install.
+    """
+    package, _, name = type_name.partition("/msg/")
+    if not (kind := installed_type(package, "msg", name)):
+        raise ValueError(f"{type_name}: no such message here; install the ROS package {package}")
+    return kind
+
+
+def qos_profile(topic: str) -> QoSProfile:
+    """Return the quality of service of one of the robot's topics, a key of `TOPICS`."""
+    depth, reliable, transient_local = TOPICS[topic].quality
+    return QoSProfile(
+        depth=depth, reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE)
+
+
+def check_qos_overrides(node: Node, publishers: Iterable[str], subscriptions: Iterable[str]) -> None:
+    """Refuse each `qos_overrides` parameter that would have no effect or has a bad value; make the others read-only.
+
+    `publishers` and `subscriptions` are the node's topics, before namespace and remapping. ValueError names the
+    parameter, the limit and the remedy.
+    """
+    topics = {"publisher": [node.resolve_topic_name(name) for name in publishers],
+              "subscription": [node.resolve_topic_name(name) for name in subscriptions]}
+    for name, parameter in node.get_parameters_by_prefix(OVERRIDES).items():
+        shown, value = f"{OVERRIDES}.{name}", parameter.value
+        topic, kind, policy = ("", "", *name.rsplit(".", 2))[-3:]
+        if kind not in topics or topic not in topics[kind]:
+            known = ", ".join(sorted(topics.get(kind, [])))
+            raise ValueError(f"{shown}: this node has no {kind} {topic}; give one of {known}" if known else
+                             f"{shown}: not understood; write {OVERRIDES}./TOPIC.publisher.POLICY or "
+                             f"{OVERRIDES}./TOPIC.subscription.POLICY")
+        if policy not in POLICIES:
+            raise ValueError(f"{shown}: {policy} cannot be overridden here; give one of {', '.join(POLICIES)}")
+        if policy == "depth":
+            if type(value) is not int or not 1 <= value <= DEEPEST:
+                raise ValueError(f"{shown}: {value!r} is no depth; give a whole number from 1 to {DEEPEST}")
+        elif value not in POLICIES[policy]:
+            raise ValueError(f"{shown}: {value!r} is unknown; choose one of {', '.join(POLICIES[policy])}")
+        node.set_descriptor(shown, ParameterDescriptor(
+            description=f"{policy} of the {kind} {topic}", read_only=True, type=parameter.type_.value))
 
 
 def _make_read_only(node: Node, name: str, meaning: str) -> None:

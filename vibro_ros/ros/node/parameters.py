@@ -17,8 +17,7 @@ from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value, check
 from vibro_ros.process.files import one_line
 from vibro_ros.ros.node.refusals import peer_text
 
-TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
-"""Table of all parameters of the robot."""
+TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)  # table of all parameters of the robot
 _TYPES = frozenset(kind.value for kind in ParameterOfRclpy.Type)
 _MAY_BE_NUMBERS = (ParameterOfRclpy.Type.INTEGER, ParameterOfRclpy.Type.STRING)
 

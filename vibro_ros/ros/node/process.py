@@ -7,7 +7,6 @@ that the node can still seal the bag and stop the motor while ROS is up; each si
 
 import os
 import re
-import resource
 import signal
 import socket
 import sys
@@ -42,15 +41,10 @@ REMEDIES = {
     "namespace": "give one such as /r1, of letters, digits and _, no part beginning with a digit",
 }
 """Remedy for the user, by words that occur in rcl's error message; the first that fits is given."""
-LAST_DOMAIN = 232
-"""Largest ROS domain: from the next one on, the ports that DDSI-RTPS computes are above 65535."""
-OPEN_FILES = 64
-"""Open files that suffice: a robot that records has 30, and with a few less the middleware loses endpoints silently."""
-POLL = 0.05
-"""Longest wait [s] of the executor before the loop checks whether it should end."""
+LAST_DOMAIN = 232  # largest ROS domain: from the next one on, the ports that DDSI-RTPS computes are above 65535
+POLL = 0.05  # longest wait [s] of the executor before the loop checks whether it should end
 CLOCK = "/clock"
-REMINDER = 2.0
-"""Time [s] between two log lines about a wait."""
+REMINDER = 2.0  # time [s] between two log lines about a wait
 
 
 @contextmanager
@@ -60,7 +54,7 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
     The node declares every parameter override that it is given, so that misspelt ones can be found. ValueError for ROS
     arguments, a node name, a namespace or an environment that ROS refuses.
     """
-    if fault := _environment_fault():
+    if fault := _domain_fault():
         raise ValueError(fault)
     fault = _log_folder_fault()
     no_file = ("--ros-args", "--disable-external-lib-logs", "--") if fault else ()
@@ -202,19 +196,15 @@ def wait_for_time(node: GuardedNode, stopped: Callable[[], bool]) -> None:
         spin_until(node, lambda: over() or time.monotonic() > due)  # noqa: B023 (called within this turn)
 
 
-def _environment_fault() -> str:
-    """Return why the environment lets no node start, in words with the remedy; empty if it does.
+def _domain_fault() -> str:
+    """Return why ROS_DOMAIN_ID lets no node start, in words with the remedy; empty if it does.
 
     The middleware would print lines of its own about it, and go on without some of its endpoints.
     """
     domain = os.environ.get("ROS_DOMAIN_ID", "").strip()
-    if domain and not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
-        return f"ROS_DOMAIN_ID={domain}: no ROS domain; set it to a whole number from 0 to {LAST_DOMAIN}, or unset it"
-    files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-    if files < OPEN_FILES:
-        return (f"this shell limits a process to {files} open files, and ROS needs {OPEN_FILES}; raise the limit with "
-                "`ulimit -n 1024`")
-    return ""
+    if not domain or domain.isdecimal() and int(domain) <= LAST_DOMAIN:
+        return ""
+    return f"ROS_DOMAIN_ID={domain}: no ROS domain; set it to a whole number from 0 to {LAST_DOMAIN}, or unset it"
 
 
 @contextmanager

@@ -8,10 +8,8 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from vibro_ros.process.files import one_line
 
-LONGEST_SENTENCE = 1000
-"""Longest reason [characters] in an answer or in the log; it may quote what a peer sent."""
-LONGEST_SHOWN = 60
-"""Longest text of a peer [characters] that is quoted in an answer or in the log."""
+LONGEST_SENTENCE = 1000  # longest reason [characters] in an answer or in the log; it may quote what a peer sent
+LONGEST_SHOWN = 60  # longest text of a peer [characters] that is quoted in an answer or in the log
 
 
 class Refusals:

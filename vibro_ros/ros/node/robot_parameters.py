@@ -23,8 +23,7 @@ ASK_PERIOD = 1.0
 the two nodes has discovered the other."""
 OF_DEVICE = ("scene", "frame_prefix", "command.timeout")
 """Parameters of the node that peers need besides those of the scene."""
-LONGEST_TEXT = 200
-"""Longest text [characters] among the parameters, except `scene`."""
+LONGEST_TEXT = 200  # longest text [characters] among the parameters, except `scene`
 _GROUPS = frozenset(parameter.name.partition(".")[0] for parameter in SCENE_PARAMETERS)
 _NAMES = (*(parameter.name for parameter in SCENE_PARAMETERS), *OF_DEVICE)
 

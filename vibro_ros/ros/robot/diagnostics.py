@@ -12,8 +12,7 @@ from rclpy.duration import Duration
 
 from vibro_ros.messages.topics import full_name
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.node import GuardedNode
+from vibro_ros.ros.node.node import GuardedNode, qos_profile
 from vibro_ros.ros.robot.run import RobotRun
 from vibro_ros.simulation.samples import FIELDS
 from vibro_ros.simulation.validity import validity_of
@@ -30,8 +29,7 @@ REFUSED = {"refused": "commands refused", "requests": "requests refused",
 BEHIND = 1.0
 """Time [s] by which stamps may differ from ROS time, or that may change in a period, without a word; short stalls have
 a warning of their own."""
-NEWS = 10.0
-"""Time [s] for which a clock that was set is a warning; afterwards the message has it, at level OK."""
+NEWS = 10.0  # time [s] for which a clock that was set is a warning; afterwards the message has it, at level OK
 
 
 class Diagnostics:
@@ -39,7 +37,7 @@ class Diagnostics:
 
     def __init__(self, node: GuardedNode, run: RobotRun, now: Callable[[], int]):
         self._node, self._run, self._now = node, run, now
-        self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos.profile("diagnostics"))
+        self._publisher = node.create_publisher(DiagnosticArray, full_name("diagnostics"), qos_profile("diagnostics"))
         self._namesakes = 0
         self._previous_counters = self._counters()
         self._first_offset = self._offset = self._clock_offset()

@@ -10,20 +10,15 @@ from contextlib import suppress
 from vibro_ros.messages.robot_messages import stamp_at
 from vibro_ros.simulation.simulator import Simulator
 
-LONGEST_SLEEP = 0.05
-"""Longest single sleep [s], so that a stop is noticed however distant the deadline is."""
-MOST_LATENESSES = 100_000
-"""Most measured latenesses that are kept, the latest ones: ten seconds at the highest rate."""
-WATCHED = ("motor_speed", "motor_voltage")
-"""The commands without which `command.timeout` stops the motor."""
-SUMMARY_PERIOD = 60.0
-"""Least time [s] between two log lines about stalls."""
+LONGEST_SLEEP = 0.05  # longest single sleep [s], so that a stop is noticed however distant the deadline is
+MOST_LATENESSES = 100_000  # most measured latenesses that are kept, the latest ones: ten seconds at the highest rate
+WATCHED = ("motor_speed", "motor_voltage")  # the commands without which `command.timeout` stops the motor
+SUMMARY_PERIOD = 60.0  # least time [s] between two log lines about stalls
 FASTEST = 1e4
 """Crank speed [rad/s] beyond which a stall is blamed on it, because its turns then cost more than real time."""
 POLICY, PRIORITY = os.SCHED_RR, 1
 """Scheduling policy of the robot, round-robin real time at the lowest priority; ros2_control uses one likewise."""
-NICENESS = -10
-"""Niceness of the robot where the system refuses the policy; it allows the niceness with `ulimit -e 30`."""
+NICENESS = -10  # niceness of the robot where the system refuses the policy; it allows the niceness with `ulimit -e 30`
 STARTED_AS_NICE = os.getpriority(os.PRIO_PROCESS, 0)
 """Niceness with which the process was started: a value other than 0 is the user's choice."""
 ALLOW = ("allow the robot a real-time priority (`ulimit -r 1`, after a line `USER - rtprio 1` in "

@@ -1,9 +1,4 @@
-"""What the robot gives out: the same bytes to ROS and to the bag, and when bags begin, end and fail.
-
-In rclpy, publishing bytes costs a tenth of publishing a message object: 1.4 us a topic instead of 13. `publish_raw` of
-rclpy's handle is public but not documented; test_publishers.py fails with an explanation when it changes. A handle must
-not be used while its node is destroyed, which happens after the run has ended.
-"""
+"""The bags of a run: when they begin, what goes into them, and how they end and fail."""
 
 import math
 import tempfile
@@ -11,113 +6,27 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import cache
-from importlib import import_module
 from pathlib import Path
 
-import numpy as np
 from rclpy.impl.rcutils_logger import RcutilsLogger
-from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 from vibro_ros.bag.folders import BAG_PATTERN, bag_folders, unsealed_bags
 from vibro_ros.bag.metadata import Topic as RecordedTopic
 from vibro_ros.bag.recorder import Recorder, Storage
 from vibro_ros.bag.stream import BagError
-from vibro_ros.messages.frames import NONE
-from vibro_ros.messages.robot_messages import RobotMessages
-from vibro_ros.messages.topics import CHECKPOINT, INPUTS, SAMPLES, TOPICS, full_name
+from vibro_ros.messages.topics import CHECKPOINT, INPUTS, TOPICS
 from vibro_ros.model.parameters import Value
-from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line, user_path
 from vibro_ros.recordings.recover import InUseError, recover, recovery_lines
-from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.robot.pacing import RobotTime
-from vibro_ros.sensors.device import Measurement
 
-Record = Callable[[str, int, bytes], None]
-"""Function that records a message: resolved name of the topic, stamp [ns], serialised message."""
-
-
-class RobotPublishers:
-    """Publishes the robot's messages; `publishers` and their resolved names `topics` have the keys of `TOPICS`.
-
-    The parameters are those of `RobotMessages`, except `control`: whether `robot_description` has the block by which
-    ros2_control commands the robot. If the type of `tf` is not installed, there are no transforms; the log says so.
-    """
-
-    def __init__(self, node: Node, scene: Scene, prefix: str = "", transforms: str = NONE,
-                 variances: Sequence[Sequence[float]] = ((), ()), control: bool = False):
-        if transforms != NONE:
-            try:
-                message_class(TOPICS["tf"].type)
-            except ValueError as error:
-                node.get_logger().info(f"no tf: {error}")
-                transforms = NONE
-        of_joints = ("joint_commands", "joint_states") if control else ()
-        self._messages = RobotMessages(scene, prefix, transforms, variances,
-                                       {name: node.resolve_topic_name(name) for name in of_joints})
-        self.publishers: dict[str, Publisher] = {
-            name: node.create_publisher(message_class(TOPICS[name].type), full_name(name), qos.profile(name))
-            for name in self._messages.topics}
-        self._samples = node.create_publisher(message_class(TOPICS[SAMPLES].type), full_name(SAMPLES),
-                                              qos.profile(SAMPLES))
-        self.topics = {name: publisher.topic_name for name, publisher in self.publishers.items()}
-        self._roads = {name: (publisher.handle.publish_raw, self.topics[name])
-                       for name, publisher in self.publishers.items()}
-        self._listeners = self._samples.handle.get_subscription_count
-
-    def begin(self, stamp: int) -> list[tuple[str, bytes]]:
-        """Publish the messages that are published once, at ROS time `stamp` [ns].
-
-        Returns resolved topic name and bytes of each, for the beginning of every file of a bag.
-        """
-        once = list(self._messages.once(stamp))
-        for name, data in once:
-            self.publishers[name].publish(data)
-        return [(self.topics[name], data) for name, data in once]
-
-    def publish(self, values: np.ndarray, events: np.ndarray, robot_time: RobotTime, record: Record,
-                measurements: Sequence[Measurement] = ()) -> None:
-        """Publish and record a sample, the contacts that ended since the previous one, and the measurements.
-
-        `values`, `events` and `measurements` are those of `RobotMessages.of_sample`. Everything is recorded at the
-        sample's instant, so that the bag is in time order; impacts and measurements have their own instant in the
-        header.
-        """
-        stamp = robot_time.stamp
-        for name, data in self._messages.of_sample(values, events, measurements, stamp, robot_time.stamp_of):
-            publish, topic = self._roads[name]
-            publish(data)
-            record(topic, stamp, data)
-        if self._listeners():
-            self._samples.publish(self._messages.whole_sample(values, robot_time.start, robot_time.time))
-
-
-@cache
-def message_class(type_name: str) -> type:
-    """Return the class of a message type such as ``nav_msgs/msg/Odometry``.
-
-    ValueError if it is not installed; the message names the package to install.
-    """
-    package, _, name = type_name.partition("/msg/")
-    try:
-        return getattr(import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError, ValueError):  # ValueError: an empty name
-        raise ValueError(f"{type_name}: no such message here; install the ROS package {package}") from None
-
-
-SEALING = 5.0
-"""Longest wait [s] of `~/record` for the disk before it answers; other services wait meanwhile."""
-CHECKPOINT_PERIOD = 500_000_000
-"""Longest robot time [ns] between two checkpoints, about 6 kB each."""
+SEALING = 5.0  # longest wait [s] of `~/record` for the disk before it answers; other services wait meanwhile
+CHECKPOINT_PERIOD = 500_000_000  # longest robot time [ns] between two checkpoints, about 6 kB each
 CHECKPOINTS_A_FILE = 4
 """Fewest checkpoints in a file of limited size: a robot faster than real time may fill several files in a period."""
-MOST_BAGS = 5
-"""Most bags that `~/record` begins in a row; after them it begins at most one a second."""
-MOST_UNSEALED = 10
-"""Most unsealed bags that the log names at the start; the others are counted."""
+MOST_BAGS = 5  # most bags that `~/record` begins in a row; after them it begins at most one a second
+MOST_UNSEALED = 10  # most unsealed bags that the log names at the start; the others are counted
 _ALL = "all"
 _TOO_MANY = f"more than {MOST_BAGS} bags were asked for at once; one a second can be begun, ask again"
 
@@ -138,18 +47,18 @@ class Plan:
     namespace: str = "/"
 
 
-def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], publishers: RobotPublishers,
-                   about: Mapping[str, str]) -> Plan:
-    """Return the plan of a recording from the parameters `record.*`.
+def plan_recording(settings: Mapping[str, Value], topics: Mapping[str, str], metadata: Mapping[str, str],
+                   namespace: str = "/") -> Plan:
+    """Return the plan of a recording from the parameters `record.*`; `topics` has the robot's topics by resolved names.
 
-    `received` has the resolved names of the subscribed topics, `publishers` the published topics, `about` is the bag's
-    custom data. ValueError for a topic that the robot does not have, and for limits that contradict each other.
+    ValueError for a topic that the robot does not have, and for limits that contradict each other.
     """
     storage = Storage(settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
-    topics = {name: recorded_topic(name, resolved) for name, resolved in {**publishers.topics, **received}.items()}
-    chosen = _chosen(settings["record.topics"], topics)
-    return Plan(user_path(settings["record.directory"]), chosen, storage, about)
+    described = {name: recorded_topic(name, resolved) for name, resolved in topics.items()}
+    checkpoint = described.pop(CHECKPOINT, None)
+    return Plan(user_path(settings["record.directory"]), _chosen(settings["record.topics"], described), storage,
+                metadata, checkpoint, namespace)
 
 
 def recorded_topic(name: str, resolved: str) -> RecordedTopic:

@@ -40,24 +40,16 @@ from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_paramete
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, StopRequest, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.ros.node import process, qos
+from vibro_ros.ros.node import process
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, folder_of, own_arguments
-from vibro_ros.ros.node.node import GuardedNode, installed_type
+from vibro_ros.ros.node.node import GuardedNode, check_qos_overrides, installed_type
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.process import CLOCK, wait_for_time
 from vibro_ros.ros.robot.diagnostics import Diagnostics
 from vibro_ros.ros.robot.lock_step import checked_nodes
 from vibro_ros.ros.robot.pacing import set_real_time_priority
-from vibro_ros.ros.robot.recording import (
-    Plan,
-    RobotPublishers,
-    check_directory,
-    offer_recovery,
-    open_recording,
-    plan_recording,
-    recorded_topic,
-)
-from vibro_ros.ros.robot.run import RobotRun
+from vibro_ros.ros.robot.recording import Plan, check_directory, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.robot.run import RobotPublishers, RobotRun
 from vibro_ros.ros.robot.services import offer_disturbances, offer_run_services
 from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.provenance import provenance
@@ -67,8 +59,7 @@ PUBLISHED = tuple(full_name(name) for name, topic in TOPICS.items() if topic.whe
 """Topics on which any robot publishes its device's motion, before namespace and remapping."""
 THREAD_CHANGE = 1e-4
 """Longest time [s] for which a thread keeps the interpreter lock that another one waits for: a delay of a tick."""
-WATCH = 1.0
-"""Longest time [s] until the node reacts to a failure of the recording; a signal or the run's end wakes it."""
+WATCH = 1.0  # longest time [s] until the node reacts to a failure of the recording; a signal or the run's end wakes it
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -83,7 +74,7 @@ def _run(words: Sequence[str]) -> int:
         check_addressed(files, node.get_fully_qualified_name())
         check_names(node, (*COMMANDS, *PUBLISHED))
         settings, scene = _configure(node, words)
-        qos.check_overrides(node, (*PUBLISHED, *map(full_name, (OPERATIONS, SAMPLES, "diagnostics")),
+        check_qos_overrides(node, (*PUBLISHED, *map(full_name, (OPERATIONS, SAMPLES, "diagnostics")),
                                    *[CLOCK] * settings["clock.publish"]), (*COMMANDS, CLOCK))
         publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"],
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
@@ -129,15 +120,13 @@ def _refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParamet
 
 def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
     """Return the plan of the recording, as far as known before the start (ValueError when it cannot be recorded)."""
-    checkpoint = recorded_topic(CHECKPOINT, node.resolve_topic_name(full_name(CHECKPOINT)))
-    received = {**{name: node.resolve_topic_name(name) for name in commands_of(scene)},
-                OPERATIONS: node.resolve_topic_name(full_name(OPERATIONS))}
-    topics = {**received, **publishers.topics, CHECKPOINT: checkpoint.name}
+    names = (*publishers.topics, *commands_of(scene), OPERATIONS, CHECKPOINT)
+    topics = {name: node.resolve_topic_name(full_name(name)) for name in names}
     metadata = {"scene": str(settings["scene"]), "topics": json.dumps(topics)}  # `provenance` comes with the start
-    plan = plan_recording(settings, received, publishers, metadata)
+    plan = plan_recording(settings, topics, metadata, node.get_namespace())
     if settings["record.enabled"]:
         check_directory(plan.directory)
-    return replace(plan, checkpoint=checkpoint, namespace=node.get_namespace())
+    return plan
 
 
 def _prepare(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:

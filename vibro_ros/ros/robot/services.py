@@ -48,8 +48,8 @@ def offer_disturbances(node: GuardedNode, run: RobotRun) -> None:
         "SetState": partial(_set_state, run),
         "Push": lambda request: run.disturb(Operation(PUSH, parameters={
             name: getattr(request, name) for name in ("duration", "force_x", "force_z")})),
-        "InjectFault": lambda request: run.fail(Incident(**{  # an older type has fewer fields
-            name: getattr(request, name) for name in request.get_fields_and_field_types()}))}
+        "InjectFault": lambda request: run.fail(Incident(**{
+            name: getattr(request, name) for name in Incident._fields}))}
     for name, kind in types.items():
         _offer(node, kind, DISTURBANCES[name], act[name])
 
@@ -70,8 +70,7 @@ def _set_state(run: RobotRun, request: Any) -> str:
         raise ValueError(f"names, values: {len(names)} names, {len(set(names))} of them different, and "
                          f"{len(request.values)} values; give one value for each name")
     given = dict(zip(names, map(float, request.values), strict=True))
-    resets = getattr(request, "reset", False)  # which an older type lacks
-    return run.reset(given) if resets else run.disturb(Operation(STATE, parameters=given))
+    return run.reset(given) if request.reset else run.disturb(Operation(STATE, parameters=given))
 
 
 async def finished(run: RobotRun, steps: Steps) -> str:

@@ -13,13 +13,13 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
-from simulation_interfaces.msg import EntityState, Result, SimulationState, SimulatorFeatures
+from simulation_interfaces.msg import EntityCategory, EntityState, Result, SimulationState, SimulatorFeatures
 from simulation_interfaces.srv import ResetSimulation, SetEntityState, SetSimulationState
 
 from vibro_ros.messages.frames import fill_header
 from vibro_ros.messages.operations import PAUSE, RESET, RESUME, STATE, Operation
 from vibro_ros.model.parameters import quoted
-from vibro_ros.ros.node.node import RESULT_TIMEOUT, GuardedNode
+from vibro_ros.ros.node.node import GuardedNode
 from vibro_ros.ros.robot.run import RobotRun, Steps
 from vibro_ros.ros.robot.services import finished, installed_types
 from vibro_ros.simulation.samples import Samples
@@ -27,8 +27,6 @@ from vibro_ros.simulation.samples import Samples
 PACKAGE = "simulation_interfaces"
 ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back and lets the clock go on; there is "
          "nothing to spawn.")
-ENTITY_CATEGORIES, ENTITY_INFO_GETTING, CATEGORY_ROBOT = 8, 12, 1
-"""Constants of version 2.1.0, which types that were built for an earlier vibro_ros lack."""
 OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
     "GetSimulatorFeatures": ("~/get_simulator_features", ()),
     "ResetSimulation": ("~/reset_simulation", (
@@ -42,15 +40,17 @@ OFFERED: dict[str, tuple[str, tuple[int, ...]]] = {
         SimulatorFeatures.STEP_SIMULATION_MULTIPLE, SimulatorFeatures.STEP_SIMULATION_ACTION)),
     "GetEntities": ("~/get_entities", ()),
     "GetEntitiesStates": ("~/get_entities_states", ()),
-    "GetEntityInfo": ("~/get_entity_info", (ENTITY_CATEGORIES, ENTITY_INFO_GETTING)),
+    "GetEntityInfo": ("~/get_entity_info", (
+        SimulatorFeatures.ENTITY_CATEGORIES, SimulatorFeatures.ENTITY_INFO_GETTING)),
     "GetEntityState": ("~/get_entity_state", (SimulatorFeatures.ENTITY_STATE_GETTING,)),
     "SetEntityState": ("~/set_entity_state", (SimulatorFeatures.ENTITY_STATE_SETTING,)),
 }
 """For each type: the name of the service or action, and the features that it brings."""
 LONGEST_FILTER, MOST_QUANTIFIERS = 64, 4
 """Longest regular expression of a peer, and most quantifiers in it, without groups: others can take for ever."""
-MOST_STEPS = 100_000
-"""Most steps of one request: about 8 minutes of robot time and 0.3 GB of a bag at the default rate."""
+MOST_STEPS = 100_000  # most steps of one request: about 8 minutes of robot time and 0.3 GB of a bag at the default rate
+RESULT_TIMEOUT = 60
+"""Time [s] for which the result of a finished goal is kept for its sender; it takes memory until then."""
 FEEDBACK_PERIOD = 0.02
 """Least time [s] between two messages of feedback, except the last, because steps run as fast as they can."""
 
@@ -170,7 +170,7 @@ def is_chosen(filters: Any, entity: str) -> bool:
     except (re.error, OverflowError) as error:
         raise ValueError(f"filter: {quoted(text)} is no regular expression: {error}; leave it empty for all") from None
     categories = [category.category for category in filters.categories]
-    return is_named and not filters.tags.tags and (not categories or CATEGORY_ROBOT in categories)
+    return is_named and not filters.tags.tags and (not categories or EntityCategory.CATEGORY_ROBOT in categories)
 
 
 def fill_entity_state(message: Any, state: Samples, stamp: int, frame: str) -> None:
@@ -261,7 +261,7 @@ class SimulationServices:
 
     async def _entity_info(self, request: Any, response: Any) -> None:
         check_entity(request.entity, self._entity)
-        response.info.category.category = CATEGORY_ROBOT
+        response.info.category.category = EntityCategory.CATEGORY_ROBOT
         response.info.description = f"vibro-impact robot, scene {self._run.device.scene.name}"
 
     async def _entity_state(self, request: Any, response: Any) -> None:

@@ -7,7 +7,7 @@ at the same instant, where the last one of a topic wins.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from heapq import heappop, heappush
 from itertools import count
 from operator import itemgetter
@@ -22,22 +22,17 @@ from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import COMMANDS, TOPICS, commands_in, commands_of
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.node import PollingSubscription
+from vibro_ros.ros.node.node import PollingSubscription, message_class, qos_profile
 from vibro_ros.ros.node.refusals import Throttle, peer_text
-from vibro_ros.ros.robot.recording import Record, message_class
 from vibro_ros.simulation.simulator import Simulator
 
-LONGEST = 1024
-"""Longest message [bytes] that is recorded; a command has 12, one for all joints some 200."""
-MOST_TAKEN = 100
-"""Most messages of a topic that are taken in one poll, so that a flood does not delay a tick."""
-MOST_LATE = 10_000
-"""Most commands that are kept while the fault `late_commands` lasts."""
-MOST_TOLD = 100
-"""Most sentences on joints that are remembered, so that each is logged once."""
-GRAPH_PERIOD = 1.0
-"""Time [s] between two searches of the graph for publishers whose messages cannot arrive."""
+Record = Callable[[str, int, bytes], None]
+"""Function that records a message: resolved name of the topic, stamp [ns], serialised message."""
+LONGEST = 1024  # longest message [bytes] that is recorded; a command has 12, one for all joints some 200
+MOST_TAKEN = 100  # most messages of a topic that are taken in one poll, so that a flood does not delay a tick
+MOST_LATE = 10_000  # most commands that are kept while the fault `late_commands` lasts
+MOST_TOLD = 100  # most sentences on joints that are remembered, so that each is logged once
+GRAPH_PERIOD = 1.0  # time [s] between two searches of the graph for publishers whose messages cannot arrive
 
 
 class CommandSubscriptions:
@@ -58,7 +53,7 @@ class CommandSubscriptions:
         self._throttles = {name: Throttle() for name in COMMANDS}
         self._told: set[str] = set()
         self._subscriptions = {
-            name: PollingSubscription(node, message_class(TOPICS[name].type), name, qos.profile(name))
+            name: PollingSubscription(node, message_class(TOPICS[name].type), name, qos_profile(name))
             for name in commands_of(scene)}
         self.topics = {name: subscription.topic for name, subscription in self._subscriptions.items()}
         _warn_of_unheard(node, {self.topics[name]: (TOPICS[name].type, subscription.profile)
