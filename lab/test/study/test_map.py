@@ -1,7 +1,6 @@
 """A map: motions that are known from elsewhere, where they coexist and end, resumed to the same bytes."""
 
 import pickle
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 
 import vibro_lab
 import vibro_ros
-from vibro_lab.study import map as motions_module
+from vibro_lab.study.execution import Execution
 from vibro_lab.study.map import (
     GAP,
     SPEED,
@@ -18,11 +17,11 @@ from vibro_lab.study.map import (
     GridAxis,
     Line,
     MapDesign,
-    MapSettings,
     VisitedCell,
     main,
     motions,
     rows_of_line,
+    shares,
     visits,
 )
 from vibro_lab.study.measures import measure
@@ -66,24 +65,16 @@ def test_only_cells_with_several_motions_have_shares(folded):
 
 
 def test_the_shares_are_those_of_the_same_starts_by_another_road():
-    """`device` at 100 rad/s and 2 mm, where both motions have starts; `attractors` cuts elsewhere, groups by states."""
-    axes = GridAxis(100.0, 101.0, 2), GridAxis(0.002, 0.003, 2)
-    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "upper.gap": 0.002,
-                                                            "inclined.gap": 0.002})
-    led = vibro_lab.attractors(scene, MapSettings().histories)
-    known = [(attractor.turns, attractor.mean_speed) for attractor in reversed(led)]
-    assert sorted(round(1e3 * speed, 1) for _, speed in known) == [-113.6, -84.6]
-    counts = motions_module._led(MapDesign(scene, SIDES, *axes), [((0, 0), known)], 0)
-    assert counts == [attractor.starts for attractor in reversed(led)] == [2, 6]
-
-
-@pytest.mark.parametrize(("turns", "speed", "place"), [
-    (1, -0.0501, 0), (2, -0.0501, 1), (2, -0.2, None), (4, -0.05, None), (20, -0.08, 2)])
-def test_a_start_has_led_to_the_motion_of_its_period_and_speed_or_to_none(turns, speed, place):
-    """A period of more than 8 turns counts as none, as in the table of motions."""
-    known = [(1, -0.05), (2, -0.05), (0, -0.081)]
-    led = visit(turns=turns, speed=speed).settled(1e-5, 8)
-    assert motions_module._place_among(replace(led, turns=turns), known, MapSettings()) == place
+    """`device` at 100 rad/s and 2 mm, where both motions have starts; `attractors` cuts at another crank angle."""
+    design = MapDesign(vibro_ros.load_scene("device"), SIDES, GridAxis(90.0, 110.0, 11), GridAxis(0.002, 0.0025, 2))
+    found_by_sweeps = motions(visit for line in design.lines() for visit in visits(design, line))
+    of_cell = [visit for visit in found_by_sweeps if (visit.speed_index, visit.gap_index) == (5, 0)]
+    led = sorted(vibro_lab.attractors(design.scene_at(5, 0), design.settings.histories),
+                 key=lambda attractor: attractor.mean_speed)
+    assert [round(1e3 * attractor.mean_speed, 1) for attractor in led] == [-113.6, -84.6]
+    assert [visit.mean_speed for visit in of_cell] == pytest.approx(
+        [attractor.mean_speed for attractor in led], rel=1e-4)
+    assert shares(design, of_cell, Execution(1)).tolist() == [attractor.share for attractor in led] == [0.25, 0.75]
 
 
 def test_a_motion_is_measured_as_studies_measure_it():

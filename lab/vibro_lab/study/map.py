@@ -10,7 +10,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -62,8 +62,6 @@ class MapSettings:
     longest_period: int = 8
     # Random starts of each cell with several motions: their shares are known to an eighth.
     histories: int = 8
-    # Relative difference of mean speeds up to which a start has led to a motion of the same period.
-    same_speed: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -295,50 +293,42 @@ def motions(visits: Iterable[VisitedCell], tolerance: float = SAME, settings: Ma
 _LONGEST_SETTLING = 40.0  # simulated time [s] of a start, about
 
 
-def shares(design: MapDesign, motions_of_cells: Sequence[VisitedCell], execution: Execution) -> np.ndarray:
-    """Share of `histories` random starts that lead to each motion, shape (motions,); NaN for the only one of its cell.
+def shares(design: MapDesign, distinct: Sequence[VisitedCell], execution: Execution) -> np.ndarray:
+    """Share of `histories` random starts that lead to each of `motions`, shape (motions,); NaN for the only one of its
+    cell.
 
     The shares of a cell's motions add up to less than 1 if a start leads to a motion that no sweep has found.
     """
-    histories, longest = design.settings.histories, design.settings.longest_period
     in_cell: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for number, motion in enumerate(motions_of_cells):
-        in_cell[motion.speed_index, motion.gap_index].append(number)
-    several = {cell: numbers for cell, numbers in in_cell.items() if len(numbers) > 1}
-    known = tuple((cell, [(motions_of_cells[number].period(longest), motions_of_cells[number].mean_speed)
-                          for number in numbers]) for cell, numbers in several.items())
-    share = np.full(len(motions_of_cells), math.nan)
+    for number, visit in enumerate(distinct):
+        in_cell[visit.speed_index, visit.gap_index].append(number)
+    several = [numbers for numbers in in_cell.values() if len(numbers) > 1]
+    known = tuple([distinct[number] for number in numbers] for numbers in several)
+    histories, share = design.settings.histories, np.full(len(distinct), math.nan)
     with Progress("random starts of cells with several motions", "cell", len(known)) as progress, closing(
             execution.rows(partial(_led, design, known), range(len(known)), histories * _LONGEST_SETTLING)) as led:
-        for numbers, counts in zip(several.values(), led, strict=True):
+        for numbers, counts in zip(several, led, strict=True):
             share[numbers] = np.array(counts) / histories
             progress.add(1)
     return share
 
 
-def _led(design: MapDesign, known: Sequence[tuple[tuple[int, int], list[tuple[int, float]]]], number: int
-         ) -> list[int]:
-    """Number of random starts that lead to each known motion of a cell: period [turns] and mean speed [m/s]."""
-    cell, motions = known[number]
-    settings = design.settings
-    turn_map, counts = TurnMap(design.scene_at(*cell), settings.phase), [0] * len(motions)
+def _led(design: MapDesign, known: Sequence[Sequence[VisitedCell]], number: int) -> list[int]:
+    """Number of random starts that lead to each motion of a cell."""
+    settings, tolerance, visits_of_cell = design.settings, tolerance_of(design.scene), known[number]
+    motions_of_cell = [visit.settled(tolerance, settings.longest_period) for visit in visits_of_cell]
+    turn_map = TurnMap(design.scene_at(visits_of_cell[0].speed_index, visits_of_cell[0].gap_index), settings.phase)
+    counts = [0] * len(motions_of_cell)
     for start in range(settings.histories):
         stroboscope = Stroboscope(turn_map)
         with suppress(SimulationError):
             stroboscope.begin_with(steady_start(turn_map.scene, start))
-            motion = settle(stroboscope, most=settings.most_turns)
-            place = None if motion is None else _place_among(motion, motions, settings)
-            if place is not None:
-                counts[place] += 1
+            if motion := settle(stroboscope, most=settings.most_turns):
+                turns = motion.turns if motion.turns <= settings.longest_period else 0
+                place = number_among(replace(motion, turns=turns), motions_of_cell)
+                if place is not None:
+                    counts[place] += 1
     return counts
-
-
-def _place_among(motion: SettledMotion, motions: Sequence[tuple[int, float]], settings: MapSettings) -> int | None:
-    """Index of the motion of the same period whose mean speed is nearest; None if it differs by too much."""
-    turns = motion.turns if motion.turns <= settings.longest_period else 0
-    near = [(abs(speed - motion.mean_speed), place) for place, (other, speed) in enumerate(motions) if other == turns
-            and abs(speed - motion.mean_speed) <= settings.same_speed * max(abs(speed), abs(motion.mean_speed))]
-    return min(near)[1] if near else None
 
 
 @dataclass(frozen=True)
