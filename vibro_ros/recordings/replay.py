@@ -1,11 +1,9 @@
 """The `replay` executable: simulates a recorded run again, and compares it, or changes its parameters."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("replay"))
+    raise SystemExit(enter("replay"))
 
 import argparse
 import json

@@ -5,11 +5,9 @@ so that no peak is lost however long the recording is; gaps in the stream stay g
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("report"))
+    raise SystemExit(enter("report"))
 
 import json
 import math

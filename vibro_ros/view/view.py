@@ -6,11 +6,9 @@ the rest, and the recording of another recorder, is interpolated between the sam
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("view"))
+    raise SystemExit(enter("view"))
 
 import argparse
 import math

@@ -1,11 +1,9 @@
 """The `controller` executable: plays a script of commands to the robot."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("controller"))
+    raise SystemExit(enter("controller"))
 
 import argparse
 import sys

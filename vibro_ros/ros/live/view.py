@@ -1,11 +1,9 @@
 """The live half of the `view` executable: a robot in the browser, with its knobs and buttons."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("live_view"))
+    raise SystemExit(enter("live_view"))
 
 import argparse
 import gc

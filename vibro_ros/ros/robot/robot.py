@@ -1,11 +1,9 @@
 """The `robot` executable: the virtual device with its ROS interface."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("robot"))
+    raise SystemExit(enter("robot"))
 
 import argparse
 import gc
@@ -80,8 +78,8 @@ def _run(words: Sequence[str]) -> int:
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = process.Work(partial(_prepare, node, settings, scene, plan), process.waker(node))
-        process.spin_until(node, lambda: bool(stop) or preparation.done)
+        preparation = process.in_thread(partial(_prepare, node, settings, scene, plan), process.waker(node))
+        process.spin_until(node, lambda: bool(stop or preparation.done()))
         device = None if stop else preparation.result()
         if not settings["clock.publish"]:  # else the robot itself publishes the time
             wait_for_time(node, lambda: bool(stop))
