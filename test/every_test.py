@@ -5,11 +5,9 @@ import os
 import signal
 import socket
 import time
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -38,8 +36,6 @@ _next_domain = itertools.count(os.getpid())
 REPEATED = {
     "test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time":
         "counts messages at 1 kHz: another program that takes both cores for 0.1 s makes the listener miss some",
-    "test_all_topics_at_1_khz_in_small_files_drop_nothing":
-        "the same, and the disk is the machine's, whatever else writes to it",
 }
 
 
@@ -65,31 +61,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.process)
         if getattr(item, "originalname", "") in REPEATED and config.pluginmanager.hasplugin("rerunfailures"):
             item.add_marker(pytest.mark.flaky(reruns=1))
-
-
-#: Number of tests that `-m` leaves out, by file.
-LEFT_OUT: Counter[str] = Counter()
-
-
-def pytest_deselected(items: list[pytest.Item]) -> None:
-    """Count the tests that are left out; each worker of xdist counts all of them."""
-    LEFT_OUT.update(item.path.stem for item in items)
-    if hasattr(items[0].config, "workeroutput"):
-        items[0].config.workeroutput["left_out"] = dict(LEFT_OUT)
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any) -> None:
-    """Take the count of a worker that has ended."""
-    LEFT_OUT.clear()
-    LEFT_OUT.update(getattr(node, "workeroutput", {}).get("left_out", {}))
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Say which tests a mark has left out."""
-    if LEFT_OUT and config.option.markexpr and not config.option.keyword:
-        files = ", ".join(f"{name.removeprefix('test_')} {count}" for name, count in sorted(LEFT_OUT.items()))
-        terminalreporter.write_line(f"{LEFT_OUT.total()} tests left out by -m '{config.option.markexpr}': {files}")
 
 
 @pytest.fixture

@@ -36,17 +36,6 @@ def test_disk_that_fills_up_stops_the_recording_not_the_caller(folder, published
     assert [stamp for _, stamp, _ in by_rosbags(folder)] == list(range(recorder.written))
 
 
-def test_removed_folder_stops_the_recording_not_the_caller(folder, published):
-    with Recorder(folder, POWER, METADATA) as recorder:
-        shutil.rmtree(folder)
-        recorder.write("/motor_power", 1, published["/motor_power"](1))
-        wait_until(lambda: recorder.fault is not None, "the recorder")
-        assert not recorder.write("/motor_power", 2, published["/motor_power"](2))
-    assert "run_0.mcap was removed, or replaced by another file" in recorder.fault
-    assert (recorder.written, recorder.dropped, recorder.lost) == (0, 1, 1)
-    assert "the folder is gone" in recorder.fault
-
-
 def test_bag_is_sealed_when_the_caller_fails(folder, published):
     with pytest.raises(ZeroDivisionError), Recorder(folder, POWER, METADATA) as recorder:
         recorder.write("/motor_power", 1, published["/motor_power"](1))
@@ -72,11 +61,21 @@ def swap(path: Path) -> None:
     copy.replace(path)
 
 
-@pytest.mark.parametrize("spoil", [Path.unlink, swap], ids=["removed", "replaced"])
-def test_the_file_that_is_written_is_missed_when_it_is_gone(folder, published, spoil):
-    recorder = record_parts(folder, published, lambda folder: spoil(mcap_file(folder)), Storage())
-    assert "run_0.mcap was removed, or replaced by another file" in recorder.fault
-    assert recorder.written == 0 and recorder.lost + recorder.dropped == 400
+GONE = "run_0.mcap was removed, or replaced by another file"
+
+
+@pytest.mark.parametrize(("spoil", "storage", "written", "words"), [
+    (lambda folder: mcap_file(folder).unlink(), Storage(), 0, GONE),
+    (lambda folder: swap(mcap_file(folder)), Storage(), 0, GONE),
+    (shutil.rmtree, Storage(), 0, "the folder is gone"),
+    (lambda folder: (folder / "run_2.mcap").mkdir(), Storage(max_duration=0.1), 200,
+     "stopped: File exists; its 200 messages"),
+], ids=["removed", "replaced", "folder", "next file"])
+def test_a_file_that_cannot_be_written_stops_the_recording_not_the_caller(folder, published, spoil, storage, written,
+                                                                          words):
+    recorder = record_parts(folder, published, spoil, storage)
+    assert words in recorder.fault and "\n" not in recorder.fault
+    assert recorder.written == written and recorder.lost + recorder.dropped == 400 - written
 
 
 def test_a_finished_file_that_is_gone_costs_its_messages_alone(folder, published):

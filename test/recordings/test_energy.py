@@ -12,7 +12,6 @@ from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.messages.codec import deserialised, serialised
 from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS
-from vibro_ros.model.parameters import LIVE
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.report import parts_of, plot_run
@@ -78,30 +77,6 @@ def test_a_checkpoint_that_no_robot_made_is_unknown(recorded, tmp_path):
     whole = robot.checkpoint()
     late = late_with(recorded, tmp_path / "late", 40, np.concatenate([whole[:1], np.full(len(whole) - 1, 1e9)]))
     assert "no state that this device can be in" in energy_of(load_bag(late))["unknown"]
-
-
-@pytest.mark.parametrize("begin", [0, 40])
-def test_a_limited_bag_of_version_1_is_replayed_from_its_start_or_refused_in_words(tmp_path, capsys, begin):
-    """Version 1 wrote the changed parameters as an operation before each checkpoint, which lacked them."""
-    told = {**TOLD, 20: 'set {"ground.friction": 0.1}'}
-    recorded = robot_bag(tmp_path / "bag", "device", TICKS, told, RATE, checkpoints=(0, 40, 80))
-
-    def as_version_1(messages):
-        for topic, stamp, data in messages:
-            if topic == f"/{CHECKPOINT}":
-                state = deserialised(data, TOPICS[CHECKPOINT].type).data
-                data = holding(TOPICS[CHECKPOINT].type, np.delete(state, np.s_[1:1 + len(LIVE)]))
-                if stamp > START:
-                    yield f"/{OPERATIONS}", stamp, holding(TOPICS[OPERATIONS].type, told[20])
-            yield topic, stamp, data
-
-    of_version_1 = rewritten(recorded, tmp_path / "one", lambda messages: list(as_version_1(
-        without_earlier(begin / RATE)(messages))), version="1.1.0")
-    assert replay.main([str(of_version_1)]) == (2 if begin else 0)
-    said = capsys.readouterr()
-    assert said.out.startswith("identical: ") or ("no state that this device can be in" in said.err
-                                                  and "(recorded by version 1.1.0)" in said.err
-                                                  and said.err.count("\n") == 1)
 
 
 def test_a_bag_begun_while_the_robot_was_paused_at_its_start_begins_late(tmp_path, capsys):

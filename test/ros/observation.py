@@ -1,16 +1,58 @@
-"""What the tests of recording and diagnostics observe of a robot: its samples, its diagnostics, its bags."""
+"""What the tests do to a robot and observe of it: commands, samples, diagnostics, its end and its bags."""
 
 import signal
 import time
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rosbags.rosbag2 import Reader
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
 
 from vibro_ros.messages.codec import deserialised
+
+PERIOD = 5_000_000  # [ns] of the default 200 Hz
+HEARD = ("odom", "joint_states", "ground_contact", "impacts", "motor_power")
+COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
+
+
+class Operator:
+    """A node that commands the robot and keeps every serialised message that the robot publishes."""
+
+    def __init__(self, bench, topics=HEARD, names: dict[str, str] | None = None):
+        self.bench = bench
+        self.heard: dict[str, list[bytes]] = {topic: [] for topic in topics}
+        names = names or {}
+        kinds = {"odom": Odometry, "joint_states": JointState, "motor_power": Float64}
+        for topic in topics:
+            bench.node.create_subscription(kinds.get(topic, WrenchStamped), names.get(topic, topic),
+                                           self.heard[topic].append, QoSProfile(depth=10_000), raw=True)
+        self._publishers = {name: bench.node.create_publisher(Float64, names.get(name, name), 10) for name in COMMANDS}
+
+    def wait_for_robot(self) -> None:
+        self.bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in self._publishers.values())
+                              and all(self.heard[topic] for topic in self.heard if topic != "impacts"), "robot up")
+
+    def command(self, **values: float) -> None:
+        for name, value in values.items():
+            self._publishers[name].publish(Float64(data=value))
+
+    def odom(self) -> Odometry:
+        return deserialize_message(self.heard["odom"][-1], Odometry)
+
+    def joint(self, name: str) -> tuple[float, float, float]:
+        """Return position, velocity and effort from the last message."""
+        message = deserialize_message(self.heard["joint_states"][-1], JointState)
+        index = list(message.name).index(name)
+        return message.position[index], message.velocity[index], message.effort[index]
+
+    def spin_for_samples(self, count: int) -> None:
+        until = len(self.heard["odom"]) + count
+        self.bench.spin_until(lambda: len(self.heard["odom"]) >= until, f"{count} more samples")
 
 
 class Listener:
@@ -78,6 +120,12 @@ def whole_bag(robot) -> Path:
     line = robot.wait_for("]: bag ")
     assert " 0 dropped;" in line
     return Path(line.split("]: bag ")[1].split(": ")[0])
+
+
+def stop_with_whole_bag(robot, number: signal.Signals = signal.SIGINT) -> Path:
+    """End the robot as a user does, and return its bag, which has every message."""
+    robot.send(number)
+    return whole_bag(robot)
 
 
 def messages_of(folder: Path) -> dict[str, list]:

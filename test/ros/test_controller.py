@@ -90,10 +90,6 @@ def test_two_robots_that_hear_the_commands_stop_it(start, tmp_path):
      "pulses"),
     (["crwal"], "controller: crwal: neither a shipped script nor a file; did you mean crawl? shipped scripts are "
      "crawl, goals, pulses"),
-    (["--wait", "3", "crawl"], "controller: --wait: is a parameter of ROS; write --ros-args -p wait:=3"),
-    (["crawl", "--fast"], "controller: unrecognized arguments: --fast; `controller --help` shows what there is"),
-    (["crawl", "--ros-args", "-p", "rate:=0.0"],
-     "controller: rate: 0 is out of range; give a number above 0 to 10000 Hz"),
     (["crawl", "--ros-args", "-p", "wiat:=1.0"], "controller: wiat: unknown parameter; did you mean wait?"),
     (["forwards.yaml"], "controller: forwards.yaml: entry 1: hold_speed: 0.05 m/s is out of reach of a robot that goes "
      "backwards; give one between -0.06 and 0 m/s, and not 0, or set `reach` for another robot"),
@@ -114,20 +110,19 @@ def test_the_first_node_and_goals_are_reached_with_a_real_robot(start, tmp_path)
     controller = start("controller", write(tmp_path, """
 entries:
   - {for: 0.2, motor_speed: 50.0}
-  - repeat: 2
-    entries:
+  - entries:
       - {hold_speed: -0.05, within: 0.02, for: 4.0}
       - {for: 0.2, motor_speed: 0.0}
-  - {go_to: -0.6, timeout: 60.0}
+  - {go_to: -0.5, timeout: 60.0}
   - {for: 0.1, upper_gap: 0.0}
 """))
     assert controller.end() == 0, controller.text
     stop(robot)
-    assert controller.text.count("]: entry 2.1: held: mean speed -0.0") == 2
+    assert "]: entry 2.1: held: mean speed -0.0" in controller.text
     assert "]: entry 3: reached after " in controller.text
     assert "]: entry 4, 0.1 s: upper_gap 0 m" in controller.text
     (bag,) = (read_bag(folder) for folder in tmp_path.glob("vibro_robot_*"))
-    assert abs(bag["odom"]["position"][-1, 0] + 0.6) < 0.006  # [m]
+    assert abs(bag["odom"]["position"][-1, 0] + 0.5) < 0.006  # [m]
     assert bag["motor_speed"]["value"][-1] == 0.0
 
 

@@ -4,8 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from observation import messages_of
-from operated_robot import stop
+from observation import messages_of, stop_with_whole_bag
 
 pytest.importorskip("cyclonedds", reason="cyclonedds, of the extra `test`, is installed by `make test`")
 
@@ -20,7 +19,7 @@ def test_it_commands_the_robot_and_reads_the_odometry_that_the_bag_holds(udp_onl
     bench.spin_until(lambda: peer.ended or (peer.lines and json.loads(peer.lines[-1])[3] < -MOVED), "the body's way")
     assert not peer.ended, peer.text
     peer.kill()
-    recorded = messages_of(tmp_path / stop(robot))
+    recorded = messages_of(tmp_path / stop_with_whole_bag(robot))
     assert [command.data for command in recorded["/motor_speed"]] == [SPEED]
     published = {sample.header.stamp.sec * 10**9 + sample.header.stamp.nanosec: [
         sample.header.frame_id, sample.child_frame_id, sample.pose.pose.position.x, sample.twist.twist.linear.x]

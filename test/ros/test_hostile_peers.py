@@ -6,13 +6,14 @@ import array
 import math
 import os
 import random
+import signal
 import struct
 from pathlib import Path
 
 import pytest
 from asking import wait_until_known
 from nav_msgs.msg import Odometry
-from observation import bags, stop, value_of
+from observation import bags, check_end, stop, value_of
 from random_requests import UNTOUCHED, random_request, service_class
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import ListParameters, SetParameters, SetParametersAtomically
@@ -104,7 +105,9 @@ def test_messages_that_are_no_command_and_thousands_at_random_are_refused_counte
     robot_state = {}
     bench.node.create_subscription(Float64, "motor_power", lambda message: robot_state.update(power=message.data), 10)
     listener.spin_for_samples(30)
-    stop(robot)
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):  # of an impatient user
+        robot.send(number)
+    check_end(robot)
     messages = recorded(bags(tmp_path)[0])
     sent = [("motor_speed", padded(data)) for data in (*MALFORMED.values(), *GOOD.values())]
     assert messages[:len(sent)] == sent

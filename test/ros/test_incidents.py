@@ -5,8 +5,7 @@ recorded and replayed.
 import math
 
 import pytest
-from observation import value_of
-from operated_robot import Operator, stop
+from observation import Operator, stop_with_whole_bag, value_of
 from simulation_types import require_types
 from simulator_user import Code
 from std_srvs.srv import SetBool, Trigger
@@ -66,7 +65,7 @@ def test_a_run_through_a_state_a_push_and_faults_replays_to_the_last_bit(start, 
     operator.command(motor_speed=50.0)
     bench.spin_until(lambda: operator.joint("crank")[1] < 100.0, "the late command in effect")
     assert len(operator.heard["odom"]) - before >= 59  # samples at 200 Hz
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
     assert " ".join(text.split()[0] for text in operations_in(folder)) == (
         "state push fault fault fault reset pause push step reset resume fault fault fault")
     summary = summarise(load_samples(folder))
@@ -118,7 +117,7 @@ def test_what_cannot_be_is_refused_in_the_device_s_words_and_the_robot_is_an_ent
         assert result.result == code and words in result.error_message
     other = call(entity_types.GetEntityState, "get_entity_state", entity="")
     assert other.result.result == Code.NOT_FOUND
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
     assert operations_in(folder) == ['state {"body_position": 5.0, "body_height": 0.0}']
     assert_replays(folder, 5)
 
@@ -137,7 +136,7 @@ entries:
     controller = start("controller", "script.yaml")
     controller.wait_for("entry 4: /vibro_robot refuses the fault: fault: sensor_freeze befalls sensors")
     assert controller.end() == 1
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
     assert [text for text in operations_in(folder) if text.startswith("fault")] == [
         'fault {"fault": "plate_stuck", "duration": 0.3, "of": "upper", "value": 0.0, "from_x": 0.0, "to_x": 0.0}',
         'fault {"fault": "friction_patch", "duration": 0.2, "of": "", "value": 0.05, "from_x": -0.5, "to_x": 0.25}']

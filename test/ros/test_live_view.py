@@ -7,7 +7,6 @@ import time
 import numpy as np
 import pytest
 from asking import set_parameter
-from motion_reader import Motion
 from observation import stop
 from real_processes import CRAWL
 from sensor_msgs.msg import JointState
@@ -79,27 +78,6 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     stop(view, number=signal.SIGTERM)
     assert any(line.endswith("commanded from a page; sent motor_speed 0") for line in view.lines), view.text
     bench.spin_until(lambda: speeds[-1] == 0.0, "nobody is left who could stop the motor")
-
-
-def test_a_robot_that_starts_paused_is_let_go_and_its_last_second_shown_in_slow_motion(start, view, visit):
-    start("robot", *CRAWL, "-p", "rate.start_paused:=true").wait_for("ready")
-    page = visit(view)
-    page.wait(lambda: page.last("robot", "absent").get("kind") == "robot", "a robot")
-    page.wait(lambda: page.last("status").get("paused"), "the pause")
-    assert page.ask(call="pause", on=False)["done"]
-    page.wait_for_robot()
-    page.wait_for_rows(250)
-    answer = page.wait(lambda: (found := page.ask(slow_motion=1.0))["kind"] == "motion" and found, "the motion")
-    header = answer["header"]
-    assert header["end"] - header["begin"] == pytest.approx(1.0, abs=1e-6)
-    motion = Motion(header, page.wait(lambda: page.motions.get(answer["id"]), "the payload"))
-    rows = np.concatenate(page.rows)
-    rows = rows[(column(rows, "time") > header["begin"]) & (column(rows, "time") < header["end"])]
-    assert len(rows) >= 190 and "record it" in header["why"] and header["impacts"]
-    found = motion.at(column(rows, "time"))
-    for name in ("body_position", "body_height", "upper_position", "inclined_position"):
-        assert np.abs(found[name] - column(rows, name)).max() < 1e-9, name
-    stop(view, number=signal.SIGHUP)
 
 
 def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again_and_a_second_one_of_its_name_is_not_drawn(

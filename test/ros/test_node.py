@@ -1,74 +1,43 @@
 """A node goes on whatever its callbacks and peers do: errors are counted and logged, in one line and at a limited rate.
 """
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable
 
 import pytest
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64
 
-from vibro_ros.ros.node.node import GuardedNode
-from vibro_ros.ros.node.process import spin_once
+from vibro_ros.ros.node.process import node_running, spin_until
 from vibro_ros.ros.node.refusals import LONGEST_SHOWN, Refusals, Throttle, peer_text
 
 PATIENCE = 10.0  # [s]
 
 
-class Victim:
-    """A node that subscribes to `speed` and keeps what it has received."""
+def test_a_callback_that_raises_does_not_end_the_loop_and_an_interrupt_does(domain_id, bench):
+    heard: list[float] = []
 
-    def __init__(self):
-        self.node = GuardedNode("victim")
-        self.refusals, self.executor = self.node.refusals, SingleThreadedExecutor()
-        self.executor.add_node(self.node)
-        self.heard: list[float] = []
-        self.raised: BaseException | None = None
-        self.node.create_subscription(Float64, "speed", self._hear, 10)
+    def hear(message: Float64) -> None:
+        heard.append(message.data)
+        if message.data < 0.0:
+            raise ValueError("too slow")
+        if message.data == 0.0:
+            raise KeyboardInterrupt
 
-    def _hear(self, message: Float64) -> None:
-        self.heard.append(message.data)
-        error, self.raised = self.raised, None
-        if error:
-            raise error
-
-    def spin_until(self, done: Callable[[], bool], what: str) -> None:
-        began = self.node.get_clock().now()
-        while not done():
-            assert (self.node.get_clock().now() - began).nanoseconds < PATIENCE * 1e9, what
-            spin_once(self.node, 0.05)
-
-
-@pytest.fixture
-def victim(domain_id) -> Iterator[Victim]:
-    rclpy.init()
-    victim = Victim()
-    yield victim
-    victim.executor.shutdown()
-    victim.node.destroy_node()
-    rclpy.try_shutdown()
-
-
-@pytest.fixture
-def publish(victim, bench) -> Callable[[float], None]:
     publisher = bench.node.create_publisher(Float64, "speed", 10)
-    victim.spin_until(publisher.get_subscription_count, "match")
-    return lambda value: publisher.publish(Float64(data=value))
+    with node_running("victim", ()) as node:
+        def spin(done: Callable[[], bool] = lambda: False) -> None:
+            end = time.monotonic() + PATIENCE
+            spin_until(node, lambda: done() or time.monotonic() > end)
 
-
-def test_a_callback_that_raises_does_not_end_the_loop(victim, publish):
-    victim.raised = ValueError("too fast")
-    publish(1.0)
-    victim.spin_until(lambda: victim.refusals.count == 1, "refusal")
-    publish(2.0)
-    victim.spin_until(lambda: victim.heard == [1.0, 2.0], "next message")
-
-
-def test_an_interrupt_is_raised(victim, publish):
-    victim.raised = KeyboardInterrupt()
-    publish(1.0)
-    with pytest.raises(KeyboardInterrupt):
-        victim.spin_until(lambda: False, "interrupt")
+        node.create_subscription(Float64, "speed", hear, 10)
+        spin(lambda: publisher.get_subscription_count() > 0)
+        for speed in (-1.0, 2.0):
+            publisher.publish(Float64(data=speed))
+        spin(lambda: len(heard) == 2)
+        assert heard == [-1.0, 2.0] and node.refusals.count == 1
+        publisher.publish(Float64(data=0.0))
+        with pytest.raises(KeyboardInterrupt):
+            spin()
 
 
 class Log:

@@ -4,8 +4,7 @@ import signal
 from pathlib import Path
 
 from nav_msgs.msg import Odometry
-from observation import bags, value_of
-from operated_robot import PERIOD, Operator, stop
+from observation import PERIOD, Operator, bags, stop_with_whole_bag, value_of
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
@@ -83,7 +82,7 @@ def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_las
     operator.spin_for_samples(40)
     done(call(Trigger, "reset"))
     operator.spin_for_samples(40)
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
 
     stamps, places = zip(*stamps_and_places(operator), strict=True)
     assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {PERIOD}
@@ -121,7 +120,7 @@ def test_a_set_that_breaks_a_limit_changes_nothing_and_a_bag_begun_after_changes
     operator.spin_for_samples(30)
     done(call(Trigger, "reset"))
     operator.spin_for_samples(30)
-    stop(robot)
+    stop_with_whole_bag(robot)
     (folder,) = bags(tmp_path)
     assert operations_in(folder) == ["reset"]  # the checkpoint has the friction that was set before
     assert_replays(folder, 50)
@@ -157,7 +156,7 @@ def test_clock_says_the_time_of_each_sample_and_what_follows_a_reset_has_the_bit
     first, second = odometry[-52:-26], odometry[-26:]
     assert [one.pose for one in first] == [one.pose for one in second]
     assert [one.twist for one in first] == [one.twist for one in second]
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
     with BagStream(folder) as stream:
         assert stream.start == 0
     assert_replays(folder, 30)
@@ -176,7 +175,7 @@ def test_the_motor_stops_when_commands_stay_away_and_replay_knows_when(start, be
     operator.command(motor_speed=30.0)
     bench.spin_until(lambda: operator.joint("crank")[1] > 0.0, "the motor running again")
     bench.spin_until(lambda: operator.joint("crank")[1] == 0.0, "the motor's next stop")
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
     assert set(operations_in(folder)) == {"timeout"}
     assert_replays(folder, 40)
 
@@ -187,4 +186,4 @@ def test_operations_are_answered_at_the_lowest_rate_too_and_signals_heard(start,
     assert "the sample at 10 s of robot time" in done(call(Trigger, "reset"))  # long before that sample
     done(call(SetBool, "pause", data=True))
     assert "to 10 s" in done(call(Trigger, "step"))
-    stop(robot, signal.SIGTERM)
+    stop_with_whole_bag(robot, signal.SIGTERM)

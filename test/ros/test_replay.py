@@ -4,15 +4,11 @@ import json
 import signal
 
 import pytest
-from observation import messages_of
-from random_run import FASTER, RANGES, SECONDS, SENSORS, record_run
+from random_run import RANGES, SECONDS, record_run
 from robot_bag import rewritten
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recorder import Storage
-from vibro_ros.bag.stream import BagStream
-from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.recover import recover
 
@@ -103,51 +99,7 @@ def test_a_bag_that_says_nothing_of_its_scene_is_refused(recorded, tmp_path, cap
     assert "says nothing of scene" in capsys.readouterr().err
 
 
-LATE = {"begun late": ("record.enabled:=false",),
-        "beginning deleted": (*SENSORS, "record.max_bytes:=2e6")}
-
-
-@pytest.mark.parametrize("name", LATE)
-def test_a_bag_without_the_runs_beginning_is_replayed(start, bench, record, tmp_path, capsys, name):
-    def wait_for_deletion(bench):
-        (folder,) = tmp_path.glob("vibro_robot_*")
-        bench.spin_until(lambda: not (folder / f"{folder.name}_0.mcap").exists(), "deletion of the first file")
-
-    def switch_on(_):
-        assert record(True)[0]
-
-    then = wait_for_deletion if name == "beginning deleted" else switch_on
-    bag = record_run(start, bench, tmp_path, *LATE[name], f"rate.real_time_factor:={FASTER}", seconds=0.5, then=then)
-    with BagStream(bag) as stream:
-        assert stream.start - int(stream.metadata["start"]) > 0
-        assert stream.topics["/vibro_robot/checkpoint"].messages > 0
-    assert replay.main([str(bag)]) == 0
-    out = capsys.readouterr().out
-    assert out.startswith("identical: ") and "not recorded" not in out
-    assert int(out.split()[1]) > 100  # messages
-    assert int(out.split()[-2]) > 0  # commands
-    (description,) = {one.data for one in messages_of(bag)["/robot_description"]}
-    assert (description == robot_description(load_scene("device"))) == (name == "begun late")
-    assert replay.main([str(bag), "--set", "guide.angle=1.0"]) == 2
-    assert "after the robot started" in capsys.readouterr().err
-
-
 LAST_POSITION = -8 * (1 + 1 + 5 + 1 + 5)  # of joint_states: then lengths and numbers of velocity, effort
-
-
-def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys):
-    """MCAP's checksums find it before the comparison does: the chunk is named, and the rest compared."""
-    folder = rewritten(recorded, tmp_path / "flipped")
-    with BagStream(folder) as stream:
-        data = [bytes(data) for _, _, data in stream.messages(frozenset({"/odom"}))][321]
-    (file,) = folder.glob("flipped_0.*")
-    content = bytearray(file.read_bytes())
-    assert content.count(data) == 1
-    content[content.index(data) + data.index(b"base_link") + 16] ^= 1  # in the position
-    file.write_bytes(content)
-    assert replay.main([str(folder)]) in (0, 1)  # 1 where the chunk had commands
-    said = capsys.readouterr().out
-    assert "\nnot read: flipped_0.mcap: " in said and "another checksum than it says" in said
 
 
 def flipped(bit: int):

@@ -1,12 +1,10 @@
 """The robot as a process of its own, commanded and observed over DDS."""
 
 import json
-import math
-import signal
 from collections import defaultdict
 from pathlib import Path
 
-from operated_robot import COMMANDS, HEARD, PERIOD, Operator, stop
+from observation import COMMANDS, HEARD, PERIOD, Operator, stop_with_whole_bag
 from recorded_bag import by_mcap, by_rosbags
 
 from vibro_ros.bag.reader import read_bag
@@ -33,7 +31,7 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
     operator.spin_for_samples(200)
     operator.command(motor_speed=60.0)
     operator.spin_for_samples(100)
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
 
     recorded = raw_messages(folder)
     known = (*HEARD, *COMMANDS, "joint_commands", "robot_description", "tf_static", "tf", "vibro_robot/operations")
@@ -53,33 +51,3 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
     assert json.loads(bag.metadata["parameters"])["upper.spring.damping"] == 2.0
     assert len(bag["impacts"]["time"]) > 10
     assert replay.main([str(folder)]) == 0  # and `test_publishers.py` says what the numbers of a message are
-
-
-def test_bad_commands_are_refused_and_the_robot_goes_on_until_an_impatient_user_ends_it(start, bench, tmp_path):
-    robot = start("robot", "--ros-args", "-p", "effects.motor:=ideal")
-    operator = Operator(bench)
-    operator.wait_for_robot()
-    operator.command(motor_speed=80.0)
-    bench.spin_until(lambda: operator.joint("crank")[1] == 80.0, "motor at speed")
-    refusals = (
-        ("motor_speed", math.nan, "/motor_speed: nan is not finite"),
-        ("motor_speed", 501.0, "/motor_speed: 501 is out of range; give a number from -500 to 500 rad/s"),
-        ("upper_gap", 0.07, "/upper_gap: 0.07 is out of range; give a number from -0.06 to 0.06 m"),
-        ("inclined_gap", math.nan, "/inclined_gap: nan is not finite"),
-    )
-    for name, value, reason in refusals:
-        operator.command(**{name: value})
-        line = robot.wait_for(f"command refused: {reason}")
-        assert "[WARN]" in line
-    plates = operator.joint("upper_plate")[0], operator.joint("inclined_plate")[0]
-    operator.spin_for_samples(50)
-    assert operator.joint("crank")[1] == 80.0
-    assert (operator.joint("upper_plate")[0], operator.joint("inclined_plate")[0]) == plates
-    operator.command(motor_speed=90.0)
-    bench.spin_until(lambda: operator.joint("crank")[1] == 90.0, "the next good command")
-    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
-        robot.send(number)
-    assert robot.end() == 0, robot.text
-    assert f"{len(refusals)} commands refused" in robot.lines[-1]
-    (folder,) = tmp_path.glob("vibro_robot_*")
-    assert "odom" in read_bag(folder)

@@ -52,7 +52,6 @@ ENVIRONMENTS = {
     "RMW_IMPLEMENTATION=rmw_zenoh_cpp": "RMW_IMPLEMENTATION=rmw_zenoh_cpp: is not installed, but rmw_fastrtps_cpp is; "
                                         "unset RMW_IMPLEMENTATION, or install",
     "ROS_DOMAIN_ID=233": "ROS_DOMAIN_ID=233: no ROS domain; set it to a whole number from 0 to 232, or unset it",
-    "ROS_DOMAIN_ID=mine": "ROS_DOMAIN_ID=mine: no ROS domain; set it to a whole number",
     "ROS_STATIC_PEERS=nobody.invalid": "Unable to resolve peer nobody.invalid",
     "RCUTILS_LOGGING_USE_STDOUT=perhaps": "unexpected value [perhaps] specified for RCUTILS_LOGGING_USE_STDOUT. Valid",
 }

@@ -6,8 +6,7 @@ and `write`.
 import math
 from xml.etree import ElementTree
 
-from observation import value_of
-from operated_robot import stop
+from observation import stop_with_whole_bag, value_of
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -95,6 +94,6 @@ def test_hardware_by_topics_drives_the_robot_absurd_commands_are_refused_and_the
     listener.wait_for_status("simulation", lambda status: value_of(status, "rejected commands") == 10.0)
     assert len([line for line in robot.lines if "/joint_commands: 'wheel' is no joint of this robot" in line]) == 1
     robot.wait_for("command refused: /joint_commands: 'elbow\\n' is not commanded by position")
-    folder = tmp_path / stop(robot)
+    folder = tmp_path / stop_with_whole_bag(robot)
     assert_replays(folder, 50, commands=3)  # each sent in one message with the others
     assert "time" in read_bag(folder)["joint_commands"]

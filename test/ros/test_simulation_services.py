@@ -4,8 +4,7 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from observation import stamps_of, whole_bag
-from operated_robot import stop
+from observation import stamps_of, stop_with_whole_bag, whole_bag
 from simulator_user import MOST_STEPS, Code, State
 from std_srvs.srv import SetBool, Trigger
 from test_operations import operations_in
@@ -68,7 +67,7 @@ def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, 
         assert code == Code.OPERATION_FAILED and words.startswith(f"{steps} steps; give 1 to {MOST_STEPS}")
         assert simulator.result(simulator.send(steps))[1:] == (Code.OPERATION_FAILED, words)
     assert simulator.become(State.PLAYING) == Code.OK
-    bag = tmp_path / stop(simulator.robot)
+    bag = tmp_path / stop_with_whole_bag(simulator.robot)
     *_, stepped, resumed = stamps_of(bag, "/vibro_robot/operations")
     assert operations_in(bag)[-1] == "resume"
     assert len([stamp for stamp in stamps_of(bag) if stepped < stamp <= resumed]) == 7

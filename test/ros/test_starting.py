@@ -10,7 +10,6 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -24,7 +23,6 @@ from std_msgs.msg import Float64
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.scene_file import NODE_NAME
 from vibro_ros.process.entry_point import StopRequest
-from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller import player
 from vibro_ros.ros.node import process
 
@@ -49,51 +47,22 @@ def test_stamps_are_those_of_the_wall_clock(start, bench):
     assert -1e-3 < min(late) < LATE + dropped  # [s] 1e-3 for the rounding of clocks
 
 
-class Terminal:
-    """A terminal in which an executable is the session's leader, as in a shell's window."""
-
-    def __init__(self, name: str, *words: str, folder: Path):
-        self._master, slave = pty.openpty()
-        self._said = b""
-        self.process = subprocess.Popen([sys.executable, "-m", EXECUTABLES[name].module, *words], cwd=folder,
-                                        stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-                                        preexec_fn=partial(_take_terminal, slave))
+def test_closing_the_robots_terminal_seals_the_bag(domain_id, tmp_path):
+    """The robot leads the session of its terminal, as in a shell's window."""
+    terminal, slave = pty.openpty()
+    robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot.robot"], cwd=tmp_path, stdin=slave,
+                             stdout=slave, stderr=slave, start_new_session=True,
+                             preexec_fn=lambda: fcntl.ioctl(slave, termios.TIOCSCTTY, 0))
+    try:
         os.close(slave)
-
-    def wait_for(self, words: str) -> None:
-        while words.encode() not in self._said:
-            self._said += os.read(self._master, 4096)  # OSError when it ends before
-
-    def close(self) -> None:
-        if self._master >= 0:
-            os.close(self._master)
-            self._master = -1
-
-
-def _take_terminal(slave: int) -> None:
-    fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
-
-
-@pytest.fixture
-def terminal(domain_id, tmp_path) -> Iterator:
-    opened: list[Terminal] = []
-
-    def open_one(name: str, *words: str) -> Terminal:
-        opened.append(Terminal(name, *words, folder=tmp_path))
-        return opened[-1]
-
-    yield open_one
-    for one in opened:
-        one.close()
-        one.process.kill()
-        one.process.wait()
-
-
-def test_closing_the_robots_terminal_seals_the_bag(terminal, tmp_path):
-    robot = terminal("robot")
-    robot.wait_for("ready: ")
-    robot.close()
-    assert robot.process.wait(PROMPT) == 0
+        said = b""
+        while b"ready: " not in said:
+            said += os.read(terminal, 4096)  # OSError when the robot ends before
+        os.close(terminal)
+        assert robot.wait(PROMPT) == 0
+    finally:
+        robot.kill()
+        robot.wait()
     (folder,) = tmp_path.glob("vibro_robot_*")
     assert len(read_bag(folder)["odom"]["time"])
 
@@ -109,8 +78,8 @@ def test_a_reader_that_goes_does_not_end_the_robot(domain_id, tmp_path, bench):
         publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
         bench.spin_until(lambda: heard and publisher.get_subscription_count(), "robot up")
         publisher.publish(Float64(data=-501.0))  # refused, which it says to nobody
-        before = len(heard)
-        bench.spin_until(lambda: len(heard) > before + 50, "odom after that")
+        count = len(heard)
+        bench.spin_until(lambda: len(heard) > count + 50, "odom after that")
         robot.send_signal(signal.SIGTERM)
         assert robot.wait(PROMPT) == 0
     finally:

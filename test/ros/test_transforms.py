@@ -89,12 +89,9 @@ def test_a_robot_without_tf2_msgs_and_simulation_interfaces_says_so_once_and_doe
     assert replay.main([str(folder)]) == 0
 
 
-def test_another_robot_of_the_same_commands_has_its_own_frames_and_a_moved_frame_is_found(start, listener, tmp_path):
-    robot = start("robot", "--ros-args", "-p", "motor.speed:=80.0", "-p", "rate.real_time_factor:=4.0")
-    listener.spin_for_samples(100)
-    stop(robot)
-    (folder,) = bags(tmp_path)
-    varied, failure = what_if(folder, {"guide.angle": 1.2})
+@pytest.mark.process
+def test_another_robot_of_the_same_commands_has_its_own_frames_and_a_moved_frame_is_found(recorded, tmp_path):
+    varied, failure = what_if(recorded, {"guide.angle": 1.2})
     assert failure == "" and replay.main([str(varied)]) == 0
     (fixed,) = messages_of(varied)["/tf_static"]
     guide = next(one for one in fixed.transforms if one.child_frame_id == "inclined_guide")
@@ -109,7 +106,7 @@ def test_another_robot_of_the_same_commands_has_its_own_frames_and_a_moved_frame
         messages[seen[50]] = topic, stamp, serialised(message, ROBOT_TOPICS["tf"])
         return messages
 
-    with BagStream(rewritten(folder, tmp_path / "turned", turn)) as stream:
+    with BagStream(rewritten(recorded, tmp_path / "turned", turn)) as stream:
         difference = compare(stream).difference
     assert (difference.topic, difference.index, difference.field) == (
         "/tf", 50, "transforms[2].transform.rotation.y")

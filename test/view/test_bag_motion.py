@@ -13,8 +13,6 @@ from robot_bag import START, edit_each, edit_topic, offset_times, rewritten, rob
 import vibro_ros
 from vibro_ros.bag.stream import BagError
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.messages.codec import new_message, serialised
-from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.view.view import bag_motion
 
@@ -90,14 +88,6 @@ def test_a_reset_begins_another_motion(tmp_path):
     assert np.isnan(motion.at(np.array([100.5 / RATE]))["body_position"]).all()
 
 
-def test_a_reset_of_a_crank_that_runs_back_to_where_it_began_is_one(tmp_path):
-    told = {0: {"motor_speed": 80.0}, 100: {"motor_speed": -80.0}, 200: "reset"}
-    motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
-    before = motion.at(np.array([199.5 / RATE]))
-    assert before["crank_angle"][0] > 5.0 and before["motor_speed"][0] < -10.0
-    assert motion.header["exact"] and motion.header["resets"] == [201 / RATE]
-
-
 def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_commands(tmp_path):
     told = {0: {"motor_speed": 90.0}, 60: 'set {"ground.friction": 0.05, "motor.acceleration": 50.0}',
             80: {"motor_speed": 130.0}, 120: {"motor_speed": 1e9}, 150: "timeout", 160: "pause", 170: "nonsense"}
@@ -107,19 +97,6 @@ def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_
         259, (0, "command", {"motor_speed": 90.0}),
         (60, "set_parameters", {"changes": {"ground.friction": 0.05, "motor.acceleration": 50.0}}),
         (80, "command", {"motor_speed": 130.0}), (150, "command", {"motor_speed": 0.0})))
-
-
-def test_commands_of_all_joints_in_one_message_are_part_of_the_motion(tmp_path):
-    """A message as ros2_control sends it; an invalid value for one joint is refused, and the others take effect."""
-    scene, message = vibro_ros.load_scene("device"), new_message(ROBOT_TOPICS["joint_commands"])
-    message.name = ["crank", "upper_plate", "inclined_plate"]
-    message.velocity = np.array([90.0])
-    message.position = np.array([scene["crank.upper_rod"] + 0.0005, scene["crank.inclined_rod"] + 1e3])
-    told = {0: {"joint_commands": serialised(message, ROBOT_TOPICS["joint_commands"])}}
-    motion, _ = read(robot_bag(tmp_path / "bag", scene, 121, told, RATE))
-    assert motion.header["exact"]
-    assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 3000), scene, {
-        0: {"motor_speed": 90.0, "upper_gap": 0.0005}}))
 
 
 def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):

@@ -262,15 +262,17 @@ class Motion:
     def sampled(self, times: np.ndarray, filtered: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there; fill in the filtered
         acceleration [m/s²], if its array is given, shape (times, 2)."""
-        quantities, done = {name: np.empty(len(times)) for name in FIELDS}, 0
+        quantities, done, count = {name: np.empty(len(times)) for name in FIELDS}, 0, min(len(times), AT_ONCE)
+        whole_trace, values = self.new_trace(count), np.empty((len(FIELDS), count))
         while done < len(times):
             before_end = int(np.searchsorted(times, self.disturbances.next_end))  # a sample at an end is taken after it
-            wanted = times[done:min(before_end, done + AT_ONCE)]
-            trace = self.new_trace(len(wanted))
+            wanted = times[done:min(before_end, done + count)]
+            trace = whole_trace.part(0, len(wanted))
             taken = (self.advance(wanted, trace) if filtered is None
                      else self._advance_filtered(wanted, trace, filtered[done:]))
-            for name, values in self.quantities(wanted[:taken], trace.part(0, taken)).items():
-                quantities[name][done:done + taken] = values
+            self._read(wanted[:taken], trace.part(0, taken), values)
+            for array, row in zip(quantities.values(), values, strict=True):
+                array[done:done + taken] = row[:taken]
             done += taken
             if taken < len(wanted):
                 self._cross_edge()
@@ -298,7 +300,9 @@ class Motion:
         if not self._sampled:
             self.advance_to(self.time)
         if self._values is None and self._cuts_forces:
-            self._values = np.concatenate(list(self.quantities(self._instant, self._trace).values()))
+            values = np.empty((len(FIELDS), 1))
+            self._read(self._instant, self._trace, values)
+            self._values = values[:, 0]
         elif self._values is None:
             self._values = self._readout.values(self._instant, self._trace)
         return self._values
@@ -403,9 +407,9 @@ class Motion:
         segment = self.state.now["segment"][0]
         return float(segment["start"] + segment["half"] * (segment["mode_start"] + 1.0))
 
-    def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
-        """Return the fields of `Samples` at `times` [s] from the trace that `advance` has filled."""
-        quantities = self._readout.quantities(times, trace)
+    def _read(self, times: np.ndarray, trace: Trace, values: np.ndarray) -> None:
+        """Fill leading columns of `values` with the `FIELDS` at `times` [s], from the trace that `advance` filled."""
+        self._readout.fill(times, trace, values)
         if self._cuts_forces:
-            cut_to_laws(self.scene, self.model.forms.pressed_only, quantities)
-        return quantities
+            columns = values[:, :len(times)]
+            cut_to_laws(self.scene, self.model.forms.pressed_only, dict(zip(FIELDS, columns, strict=True)))

@@ -1,7 +1,7 @@
 """What a motion tells: the fields of `Samples` from the channels that the solver samples, events, and energy accounts.
 """
 
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,10 +20,9 @@ from vibro_ros.solver.vector import LENGTH
 
 _LINEAR, _SPECIAL = (np.array([FIELDS.index(name) for name in names]) for names in (OUTPUTS, SPECIAL))
 _NO_EVENTS = np.empty(0, dtype=EVENT_DTYPE)
-#: Instants whose channels and fields are in memory at a time: 125 kB of fields. For larger arrays the operating system
-#: provides new pages in every run, in a tenth of the run's time. No power of two, because then all fields of an instant
-#: would compete for the same place in the processor's cache.
-AT_ONCE = 600
+#: Instants whose channels and fields are in memory at a time: 350 kB, for which a processor's second cache has room. No
+#: power of two, because then all fields of an instant would compete for the same place in the cache.
+AT_ONCE = 1000
 # Height [m] that rounding may give to a body that stands on the ground.
 _STANDING_HEIGHT = 1e-15
 
@@ -51,11 +50,9 @@ class Readout:
         read_samples(*self._arguments(times, trace, self._slopes, self._values))
         return self._values[:, 0]
 
-    def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
-        """Return the fields of `Samples` at instants [s]."""
-        values = np.empty((len(FIELDS), len(times)))
+    def fill(self, times: np.ndarray, trace: Trace, values: np.ndarray) -> None:
+        """Fill the leading columns of `values`, shape (fields, n), with all `FIELDS` at instants [s]."""
         read_samples(*self._arguments(times, trace, self._slopes_where_standing(trace.phases), values))
-        return dict(zip(FIELDS, values, strict=True))
 
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
         model = self._model
@@ -71,8 +68,9 @@ class Readout:
         return slopes
 
 
-def cut_to_laws(scene: Scene, pressed_only: bool, quantities: MutableMapping[str, np.ndarray]) -> None:
-    """Limit the forces among `quantities`, fields of `Samples` by name, to values that the laws of `scene` allow.
+def cut_to_laws(scene: Scene, pressed_only: bool, quantities: Mapping[str, np.ndarray]) -> None:
+    """Limit the forces among `quantities`, fields of `Samples` by name, in place to values that the laws of `scene`
+    allow.
 
     A step of fixed length that has not seen an event yet goes on in the old mode, whose forces may break the laws: a
     plate that cannot pull would pull, and ground that the body has left would push. `pressed_only` says that the ground
@@ -80,13 +78,13 @@ def cut_to_laws(scene: Scene, pressed_only: bool, quantities: MutableMapping[str
     """
     if pressed_only:
         normal = _positive(quantities["normal_force"])
-        quantities["normal_force"] = np.where(quantities["body_height"] > _STANDING_HEIGHT, 0.0, normal)
+        quantities["normal_force"][:] = np.where(quantities["body_height"] > _STANDING_HEIGHT, 0.0, normal)
     bound = max(scene.resting_frictions) * np.abs(quantities["normal_force"])
-    quantities["friction_force"] = np.clip(quantities["friction_force"], -bound, bound) + 0.0  # no -0.0
+    quantities["friction_force"][:] = np.clip(quantities["friction_force"], -bound, bound) + 0.0  # no -0.0
     for side in scene.plates:
         if scene[f"effects.{side}_contact"] == "restitution" or not (
                 scene["effects.adhesion"] and scene[f"{side}.plate.damping"]):
-            quantities[f"{side}_plate_force"] = _positive(quantities[f"{side}_plate_force"])
+            quantities[f"{side}_plate_force"][:] = _positive(quantities[f"{side}_plate_force"])
 
 
 def _positive(values: np.ndarray) -> np.ndarray:

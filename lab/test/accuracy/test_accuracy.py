@@ -22,8 +22,8 @@ def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):
         return rk4.prepare(problem, setting)
 
     monkeypatch.setitem(accuracy.DEVICE, "rk4", rk4._replace(prepare=interrupted))
-    options = ["--scene", "damped", "--methods", "rk4", "exact", "--horizon", "0.05", "--repeats", "1"]
-    assert accuracy.main([*options, "--output", str(tmp_path)]) == 130
+    options = ["--scene", "damped", "--horizon", "0.05", "--output", str(tmp_path)]
+    assert accuracy.main(options) == 130
     with (tmp_path / "accuracy.csv").open(encoding="utf-8") as file:
         kept = list(csv.DictReader(file))
     assert list(kept[0]) == [field.name for field in fields(Row)]
@@ -40,24 +40,20 @@ def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, t
         return rows_of_scene(scene, *rest)
 
     monkeypatch.setattr(accuracy, "rows_of_scene", study)
-    monkeypatch.setattr(accuracy, "shipped", lambda kind: ("damped", "machine"))
-    options = ["--all", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
+    monkeypatch.setattr(accuracy, "shipped", lambda kind: ("damped", "unilateral"))
+    monkeypatch.setattr(accuracy, "DEVICE", {"exact": DEVICE["exact"]})
+    options = ["--all", "--horizon", "0.05", "--starts", "2"]
     assert accuracy.main([*options, "--patience", "0.01", "--output", str(tmp_path)]) == 1
     said = capsys.readouterr()
-    assert "damped: exact cannot simulate it: at 0.1 s" in said.err and "machine: The mean speed: " in said.out
-    assert (tmp_path / "machine.png").exists() and not (tmp_path / "damped.png").exists()
+    assert "damped: exact cannot simulate it: at 0.1 s" in said.err and "unilateral: The mean speed: " in said.out
+    assert (tmp_path / "unilateral.png").exists() and not (tmp_path / "damped.png").exists()
 
 
 @pytest.mark.parametrize(("options", "reason"), [
     ([], "accuracy: one of the arguments --scene --all is required; `accuracy --help` shows what there is"),
     (["--scene", "paper", "--magic"], "unrecognized arguments: --magic"),
     (["--scene", "nowhere"], "nowhere: neither a shipped scene nor a file"),
-    (["--scene", "paper", "--methods", "magic"], "magic: no such method; methods are exact, rk4"),
-    (["--scene", "paper", "--methods", ""], "'': no such method; methods are exact, rk4"),
-    (["--scene", "paper", "--methods"], "--methods: none named; methods are exact, rk4"),
-    (["--scene", "paper", "--horizon", "-1"], "--horizon -1: must be from 0.001"),
     (["--scene", "paper", "--horizon", "nan"], "--horizon nan: must be from 0.001"),
-    (["--scene", "paper", "--repeats", "0"], "--repeats 0: must be at least 1"),
     (["--scene", "paper", "--starts", "1"], "--starts 1: must be at least 2"),
 ])
 def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_path, capsys):
@@ -70,8 +66,7 @@ def test_the_executable_ends_its_workers_without_a_word(tmp_path):
     """Workers are forked from a process that has the signal handlers of `entry_point.enter`, and must end silently all
     the same.
     """
-    options = ["--scene", "paper", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2",
-               "--patience", "0.01"]
+    options = ["--scene", "paper", "--horizon", "0.05", "--starts", "2", "--patience", "0.01"]
     done = subprocess.run([sys.executable, "-m", "vibro_lab.accuracy.accuracy", *options, "--output", str(tmp_path)],
                           capture_output=True, text=True, timeout=250)
     assert done.returncode == 0, done.stderr

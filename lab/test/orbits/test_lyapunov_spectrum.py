@@ -8,7 +8,7 @@ from scipy.linalg import eigvals
 
 import vibro_lab
 import vibro_ros
-from vibro_lab.orbits.chaos import LyapunovSpectrum, exponent_of_pairs, spectrum_from
+from vibro_lab.orbits.chaos import exponent_of_pairs, spectrum_from
 from vibro_lab.orbits.orbit import derivative
 from vibro_lab.orbits.turn_map import Stroboscope, TurnMap, free_cut
 
@@ -105,15 +105,6 @@ def test_a_motion_of_a_long_period_is_no_chaos():
     assert spectrum.turns == 158 and spectrum.sign == -1 and not spectrum.spread.any()
     # A body that sticks and a landing forget directions.
     assert np.isneginf(vibro_lab.lyapunov_spectrum(scene("device")).exponents).tolist() == 4 * [False] + 3 * [True]
-
-
-@pytest.mark.parametrize(("exponents", "spread", "sign", "dimension"), [
-    ([0.419, -1.623], [0.01, 0.01], 1, 1.258),  # Hénon's map: published as 1.26
-    ([-1.75, -14.0], [9.7, 2.0], 0, 0.0), ([1.0, 0.5, -math.inf], [0.1, 0.1, 0.0], 1, 2.0),
-    ([0.2, 0.1], [0.0, 0.0], 1, 2.0)])
-def test_sign_and_dimension_of_known_exponents(exponents, spread, sign, dimension):
-    spectrum = LyapunovSpectrum(np.array(exponents), np.array(spread), 100)
-    assert spectrum.sign == sign and spectrum.dimension == pytest.approx(dimension, abs=1e-3)
 
 
 def test_turns_are_doubled_until_the_sign_is_known():

@@ -13,7 +13,6 @@ import vibro_ros
 from vibro_lab.study import map as motions_module
 from vibro_lab.study.map import (
     GAP,
-    PATCHWORK,
     SPEED,
     UNSETTLED,
     GridAxis,
@@ -61,7 +60,7 @@ def test_two_motions_exist_exactly_between_the_folds(folded):
 
 def test_only_cells_with_several_motions_have_shares(folded):
     table = pandas.read_parquet(folded / "motions.parquet")
-    size = table.groupby(["motor_speed", "gap"]).motion.transform("size")
+    size = table.groupby(["motor_speed", "gap"]).turns.transform("size")
     assert table.share_of_starts[size == 1].isna().all() and (size == 1).any()
     assert (table[size == 2].groupby(["motor_speed", "gap"]).share_of_starts.sum() == 1.0).all() and (size == 2).any()
 
@@ -85,14 +84,6 @@ def test_a_start_has_led_to_the_motion_of_its_period_and_speed_or_to_none(turns,
     known = [(1, -0.05), (2, -0.05), (0, -0.081)]
     led = visit(turns=turns, speed=speed).settled(1e-5, 8)
     assert motions_module._place_among(replace(led, turns=turns), known, MapSettings()) == place
-
-
-def test_motions_on_either_side_of_a_fold_have_numbers_of_their_own(folded):
-    table = pandas.read_parquet(folded / "motions.parquet")
-    first, last = (table.motion[table.motor_speed == speed].tolist() for speed in (100.0, 110.0))
-    assert len(set(first)) == len(set(last)) == 1
-    assert PATCHWORK not in first and PATCHWORK not in last
-    assert first[0] != last[0]
 
 
 def test_a_motion_is_measured_as_studies_measure_it():
@@ -126,31 +117,10 @@ def test_other_machines_get_the_work_as_it_is():
 
 def test_a_cell_has_each_motion_once():
     """Told apart by period and states, not by the mean speed: two motions may have one."""
-    table, rows = motions([visit(), visit(at=1e-7), visit(at=0.1), visit(turns=2), visit(turns=0),
-                           visit(turns=0, at=0.1), visit(turns=0, at=5.0), visit(turns=UNSETTLED)])
-    assert [(cell.turns, round(float(cell.states.mean()))) for cell in rows] == [(1, 0), (1, 0), (2, 0), (0, 0), (0, 5)]
-    assert table.motion.tolist() == [PATCHWORK] * 5
-
-
-def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
-    count = MapSettings().least_cells + 2
-    row = [visit(i, 0, speed=-0.05 - 0.002 * i) for i in range(count)]
-    jumped = [visit(i, 1, speed=-0.2) for i in range(count)]
-    other = [visit(i, 2, turns=2, speed=-0.2) for i in range(count)]
-    table, rows = motions([*row, *jumped, *other])
-    numbers = {(cell.gap_index, number) for cell, number in zip(rows, table.motion.tolist(), strict=True)}
-    assert len(numbers) == len({number for _, number in numbers}) == 3
-
-
-def test_two_motions_of_one_cell_are_never_one_even_around_the_end_of_a_fold():
-    """Two sheets whose difference vanishes towards one side: a cusp."""
-    sheets = [visit(i, j, speed=-0.05 - sign * 0.01 * i, at=0.1 * sign)
-              for i in range(6) for j in range(4) for sign in (0, 1) if i or not sign]
-    table, rows = motions(sheets)
-    cells = [(cell.speed_index, cell.gap_index, number)
-             for cell, number in zip(rows, table.motion.tolist(), strict=True)]
-    assert len(set(cells)) == len(cells) == len(sheets)
-    assert PATCHWORK not in table.motion
+    distinct = motions([visit(), visit(at=1e-7), visit(at=0.1), visit(turns=2), visit(turns=0),
+                        visit(turns=0, at=0.1), visit(turns=0, at=5.0), visit(turns=UNSETTLED)])
+    assert [(motion.turns, round(float(motion.states.mean()))) for motion in distinct] == [
+        (1, 0), (1, 0), (2, 0), (0, 0), (0, 5)]
 
 
 @pytest.mark.parametrize("words, reason", [

@@ -9,7 +9,6 @@ if __name__ == "__main__":  # before all imports, which take a second or two, in
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from tqdm import tqdm
@@ -61,16 +60,6 @@ def draw(rows: Mapping[str, Sequence[Row]], effort: Effort, folder: Path) -> dic
     return pictures
 
 
-def chosen_programs(names: Sequence[str] | None, programs: Mapping[str, Program]) -> dict[str, Program]:
-    """Return the programs with the given names, in the order of `programs`; all for None (ValueError for no name)."""
-    if names is not None and not names:
-        raise ValueError(f"--methods: none named; methods are {', '.join(programs)}")
-    for name in names or ():
-        if name not in programs:
-            raise ValueError(f"{name or repr(name)}: no such method; methods are {', '.join(programs)}")
-    return {name: program for name, program in programs.items() if names is None or name in names}
-
-
 def main(words: Sequence[str]) -> int:
     """Run the executable; returns its exit code."""
     return exit_code("accuracy", lambda: _measure(_parser().parse_args(words)))
@@ -78,13 +67,12 @@ def main(words: Sequence[str]) -> int:
 
 def _measure(options: argparse.Namespace) -> int:
     try:
-        programs = chosen_programs(options.methods, DEVICE)
         effort = _asked_effort(options)
         scenes = shipped("scene") if options.all else [options.scene]
         for scene in scenes:
             load_scene(scene)  # a missing scene is refused before anything is written
         options.output.mkdir(parents=True, exist_ok=True)
-        return _run(scenes, programs, effort, options.output)
+        return _run(scenes, effort, options.output)
     except KeyboardInterrupt:
         say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")
         return interrupted_code()
@@ -93,7 +81,7 @@ def _measure(options: argparse.Namespace) -> int:
                          "--output") from error
 
 
-def _run(scenes: Sequence[str], programs: Mapping[str, Program], effort: Effort, folder: Path) -> int:
+def _run(scenes: Sequence[str], effort: Effort, folder: Path) -> int:
     code = 0
     rows: dict[str, list[Row]] = {}
     with row_writer(folder / TABLE) as write:
@@ -104,7 +92,7 @@ def _run(scenes: Sequence[str], programs: Mapping[str, Program], effort: Effort,
                     write(row)
 
                 try:
-                    for text in findings(measure(scene, programs, effort, keep)):
+                    for text in findings(measure(scene, DEVICE, effort, keep)):
                         tqdm.write(f"{scene}: {text}")
                 except (SimulationError, UnableError) as error:
                     say("accuracy", f"{scene}: exact cannot simulate it: {error}")
@@ -117,16 +105,14 @@ def _run(scenes: Sequence[str], programs: Mapping[str, Program], effort: Effort,
 
 
 def _asked_effort(options: argparse.Namespace) -> Effort:
-    if options.repeats < 1:
-        raise ValueError(f"--repeats {options.repeats}: must be at least 1")
     if options.horizon is not None and not _LEAST_HORIZON <= options.horizon <= 1e3:
         raise ValueError(f"--horizon {options.horizon:g}: must be from {_LEAST_HORIZON:g} to 1000 s")
     if options.starts < 2:
         raise ValueError(f"--starts {options.starts}: must be at least 2, or there is no confidence interval")
     if not options.patience > 0.0:
         raise ValueError(f"--patience {options.patience:g}: must be positive")
-    return replace(Effort(), repeats=options.repeats, horizon=options.horizon, starts=options.starts,
-                   patience=options.patience, patience_for_averages=4.0 * options.patience)
+    return Effort(horizon=options.horizon, starts=options.starts, patience=options.patience,
+                  patience_for_averages=4.0 * options.patience)
 
 
 def _parser() -> Parser:
@@ -139,12 +125,8 @@ def _parser() -> Parser:
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
     which.add_argument("--all", action="store_true", help="every shipped scene")
-    parser.add_argument("--methods", nargs="*", metavar="METHOD", help=f"of {', '.join(DEVICE)} "
-                        "(default: all)")
     parser.add_argument("--horizon", type=float, metavar="S", help="compare trajectories within so many seconds "
                         "(default: 5 Lyapunov times, 1 s at most)")
-    parser.add_argument("--repeats", type=int, default=default.repeats, metavar="N",
-                        help=f"rounds of runs of which the median cost is taken (default: {default.repeats})")
     parser.add_argument("--starts", type=int, default=default.starts, metavar="N",
                         help=f"starts of a mean speed (default: {default.starts})")
     parser.add_argument("--patience", type=float, default=default.patience, metavar="S", help="run time after which a "

@@ -58,19 +58,6 @@ class LyapunovSpectrum:
         """Sign of the largest exponent, 1 or -1; 0 if it is not known, because 0 lies inside the interval."""
         return sign_of(float(self.exponents[0]), float(self.spread[0]))
 
-    @property
-    def dimension(self) -> float:
-        """Kaplan-Yorke dimension of the motion at the cut, dimensionless; that of the flow is larger by one.
-
-        Directions that vanish within a turn add nothing. J. L. Kaplan and J. A. Yorke, Lecture Notes in Mathematics 730
-        (1979) 204-227.
-        """
-        sums = np.cumsum(self.exponents)
-        whole = int(np.sum(sums >= 0.0))
-        if not 0 < whole < len(sums):
-            return float(whole)
-        return whole + (float(sums[whole - 1] / -self.exponents[whole]) if np.isfinite(sums[whole]) else 0.0)
-
 
 def sign_of(value: float, spread: float) -> int:
     """Sign of a mean, 1 or -1; 0 if 0 lies inside its interval of half width `spread`."""

@@ -20,12 +20,12 @@ RUNNING_SPEED = 100.0
 _STRETCHES, _FIRST_END, _SLOWEST, _GAPS = 3, 0.1, 0.5, 0.1
 
 
-def drawn_start(scene: Scene, number: int, batch: int = 0) -> Simulator:
-    """Return a device at time `STARTING` after random start `number` of a `batch`; other batches have other starts.
+def drawn_start(scene: Scene, number: int) -> Simulator:
+    """Return a device at time `STARTING` after random start `number`.
 
     Start `number` of two scenes uses the same random numbers, so that differences do not come from the draw.
     """
-    return start_device(scene, np.random.default_rng((batch, number)))
+    return start_device(scene, np.random.default_rng((0, number)))
 
 
 def start_device(scene: Scene, draw: np.random.Generator) -> Simulator:

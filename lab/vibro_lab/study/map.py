@@ -1,17 +1,13 @@
 """``study map``: the motions of a machine over motor speed and gap, as Parquet and a picture.
 
 Each row and column of the grid is swept up and down (`visits`). Each cell begins with the last state of the cell
-before, so that coexisting motions are found. Two visits of one cell have the same motion by the rule of
-`SettledMotion.is_same`. Motions of neighbouring cells are the same if their periods and landings are equal and their
-mean speeds are close. But two motions of one cell are never the same, even if a path through other cells connects them:
-beyond the end of a fold, where its two sheets meet, nothing separates them.
-
-Random starts tell which share of them leads to each motion of a cell with several (`shares`).
+before, so that coexisting motions are found (`motions`): two visits of one cell have the same motion by the rule of
+`SettledMotion.is_same`. Random starts tell which share of them leads to each motion of a cell with several (`shares`).
 """
 
 import argparse
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
@@ -29,15 +25,13 @@ from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
 from vibro_lab.study.measures import MEASURES, REST, WORK, Window, observed
-from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of
+from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of, table_of
 from vibro_lab.study.variation import limits_in_words
 from vibro_ros import Parser, Scene, SimulationError, Simulator
 
 SPEED, GAP = "motor_speed", "gap"
 SIDES = ("upper", "inclined")
 """Sides whose gaps a map may vary."""
-PATCHWORK = -1
-"""Motion number of cells that form no motion, because what was found changes from cell to cell."""
 # A settled motion does not depend on how plates, and a motor whose speed is prescribed, reach their commands, nor on
 # the commanded speed itself, nor on limits that only warn.
 _FREE = ("start.", "solver.", "gap_actuator.")
@@ -66,17 +60,10 @@ class MapSettings:
     # Longest period [turns] that characterises a motion. A longer one counts as none, because a small change of the
     # commands destroys it, and visits that settle slowly do not find it reliably.
     longest_period: int = 8
-    # Least number of cells of a numbered motion; smaller ones are `PATCHWORK`, most of them at edges of larger motions.
-    least_cells: int = 8
-    # Largest change of a motion's mean speed between neighbouring cells [m/s], and the share of the speed added to it:
-    # larger than the change over a cell of the shipped grids, smaller than the distance between most two motions.
-    speed_change: float = 3e-3
-    speed_change_share: float = 0.25
     # Random starts of each cell with several motions: their shares are known to an eighth.
     histories: int = 8
     # Relative difference of mean speeds up to which a start has led to a motion of the same period.
     same_speed: float = 0.05
-
 
 
 @dataclass(frozen=True)
@@ -209,10 +196,13 @@ class VisitedCell(NamedTuple):
     # if none was found.
     states: np.ndarray
 
+    def period(self, longest: int) -> int:
+        """Period [turns of the crank]; one of more than `longest` turns counts as none, which is 0."""
+        return self.turns if self.turns <= longest else 0
+
     def settled(self, tolerance: float, longest: int) -> SettledMotion:
-        """Return the motion for comparison within the cell; a period of more than `longest` turns counts as none."""
-        turns = self.turns if self.turns <= longest else 0
-        return SettledMotion(turns, self.states, self.mean_speed, self.turns, tolerance)
+        """Return the motion for comparison within the cell."""
+        return SettledMotion(self.period(longest), self.states, self.mean_speed, self.turns, tolerance)
 
 
 def visits(design: MapDesign, line: Line) -> list[VisitedCell]:
@@ -274,6 +264,8 @@ _VISIT = [
     Field("states", NUMBERS, "1", "at successive cuts, crank angle pi, one after the other, in crank radii and crank "
           "radii times motor speed"),
 ]
+
+
 def visits_of(design: MapDesign, lines: Path, execution: Execution) -> list[VisitedCell]:
     """Return all visits of a map; lines that are missing in the folder `lines` are swept (see `computed`)."""
     lines_count, dimension = len(design.lines()), len(state_names(design.scene))
@@ -288,101 +280,40 @@ def rows_of_line(design: MapDesign, number: int) -> list[dict]:
     return [{**visit._asdict(), "states": visit.states.ravel()} for visit in visits(design, design.lines()[number])]
 
 
-class MotionTable(NamedTuple):
-    """The motions of a map, a row each: columns of shape (rows,)."""
-
-    speed_index: np.ndarray  # cell of the grid
-    gap_index: np.ndarray
-    motion: np.ndarray  # its number, the same in neighbouring cells between which it changes little; or `PATCHWORK`
-    turns: np.ndarray  # period in turns of the crank; 0 without a period
-    landings: np.ndarray  # of the body in a period; 0 without a period
-    mean_speed: np.ndarray  # of the body [m/s], forwards positive
-    cost_of_transport: np.ndarray  # mean power / (weight x speed), dimensionless; NaN where it is not defined
-    stick_share: np.ndarray  # share of the time in which the body sticks to the ground, dimensionless
-    air_share: np.ndarray  # share of the time in which the body is in the air, dimensionless
-
-
 def motions(visits: Iterable[VisitedCell], tolerance: float = SAME, settings: MapSettings = MapSettings()
-            ) -> tuple[MotionTable, list[VisitedCell]]:
-    """Return the distinct motions of each cell, with their numbers, and for each a visit that found it."""
+            ) -> list[VisitedCell]:
+    """Return a visit for each distinct motion of each cell, cell by cell, and within a cell by mean speed."""
     in_cell: dict[tuple[int, int], list[VisitedCell]] = defaultdict(list)
     for visit in visits:
         cell = in_cell[visit.speed_index, visit.gap_index]
         if visit.turns != UNSETTLED and number_among(visit.settled(tolerance, settings.longest_period), [
                 known.settled(tolerance, settings.longest_period) for known in cell]) is None:
             cell.append(visit)
-    for cell in in_cell.values():
-        cell.sort(key=lambda visit: visit.mean_speed)
-    rows = [visit for _, cell in sorted(in_cell.items()) for visit in cell]
-    numbers = _numbers(rows, settings)
-    columns = {name: np.array([getattr(visit, name) for visit in rows]) for name in MotionTable._fields
-               if name != "motion"}
-    short = columns["turns"] <= settings.longest_period
-    columns |= {name: np.where(short, columns[name], 0) for name in ("turns", "landings")}
-    return MotionTable(motion=numbers, **columns), rows
-
-
-def _continues(visit: VisitedCell, neighbour: VisitedCell, settings: MapSettings) -> bool:
-    """Whether motions of neighbouring cells may be the same motion."""
-    kinds = [(row.turns, row.landings) if 0 < row.turns <= settings.longest_period else (0, 0)
-             for row in (visit, neighbour)]
-    faster = max(abs(visit.mean_speed), abs(neighbour.mean_speed))
-    change = abs(visit.mean_speed - neighbour.mean_speed)
-    return kinds[0] == kinds[1] and change <= settings.speed_change + settings.speed_change_share * faster
-
-
-def _numbers(rows: Sequence[VisitedCell], settings: MapSettings) -> np.ndarray:
-    """Number of each row's motion; motion 0 has the most cells.
-
-    Rows of neighbouring cells are merged into groups, in the order of the difference of their mean speeds. Two rows of
-    one cell never get into one group.
-    """
-    at: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row, visit in enumerate(rows):
-        at[visit.speed_index, visit.gap_index].append(row)
-    links = [(first, last) for (i, j), rows_of_cell in list(at.items())
-             for beside in (at.get((i + 1, j), ()), at.get((i, j + 1), ())) for first in rows_of_cell for last in beside
-             if _continues(rows[first], rows[last], settings)]
-    group_of = list(range(len(rows)))
-    members = {row: [row] for row in range(len(rows))}
-    cells = {row: {(visit.speed_index, visit.gap_index)} for row, visit in enumerate(rows)}
-    for first, last in sorted(links, key=lambda pair: abs(rows[pair[0]].mean_speed - rows[pair[1]].mean_speed)):
-        small, large = sorted((group_of[first], group_of[last]), key=lambda group: len(members[group]))
-        if small == large or cells[small] & cells[large]:
-            continue
-        for row in members[small]:
-            group_of[row] = large
-        members[large] += members.pop(small)
-        cells[large] |= cells.pop(small)
-    numbers = np.full(len(rows), PATCHWORK)
-    numbered = [group for group in members.values() if len(group) >= settings.least_cells]
-    for number, group in enumerate(sorted(numbered, key=len, reverse=True)):
-        numbers[group] = number
-    return numbers
+    return [visit for _, cell in sorted(in_cell.items()) for visit in sorted(cell, key=lambda visit: visit.mean_speed)]
 
 
 _LONGEST_SETTLING = 40.0  # simulated time [s] of a start, about
 
 
-def shares(design: MapDesign, table: MotionTable, execution: Execution) -> np.ndarray:
-    """Share of `histories` random starts that lead to each motion, shape (rows,); NaN for the only motion of its cell.
+def shares(design: MapDesign, motions_of_cells: Sequence[VisitedCell], execution: Execution) -> np.ndarray:
+    """Share of `histories` random starts that lead to each motion, shape (motions,); NaN for the only one of its cell.
 
     The shares of a cell's motions add up to less than 1 if a start leads to a motion that no sweep has found.
     """
-    histories = design.settings.histories
-    rows_of: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row, cell in enumerate(zip(table.speed_index.tolist(), table.gap_index.tolist(), strict=True)):
-        rows_of[cell].append(row)
-    several = {cell: rows for cell, rows in rows_of.items() if len(rows) > 1}
-    known = tuple((cell, [(int(table.turns[row]), float(table.mean_speed[row])) for row in rows])
-                  for cell, rows in several.items())
-    shares_of_rows = np.full(len(table.motion), math.nan)
+    histories, longest = design.settings.histories, design.settings.longest_period
+    in_cell: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for number, motion in enumerate(motions_of_cells):
+        in_cell[motion.speed_index, motion.gap_index].append(number)
+    several = {cell: numbers for cell, numbers in in_cell.items() if len(numbers) > 1}
+    known = tuple((cell, [(motions_of_cells[number].period(longest), motions_of_cells[number].mean_speed)
+                          for number in numbers]) for cell, numbers in several.items())
+    share = np.full(len(motions_of_cells), math.nan)
     with Progress("random starts of cells with several motions", "cell", len(known)) as progress, closing(
             execution.rows(partial(_led, design, known), range(len(known)), histories * _LONGEST_SETTLING)) as led:
-        for rows, counts in zip(several.values(), led, strict=True):
-            shares_of_rows[rows] = np.array(counts) / histories
+        for numbers, counts in zip(several.values(), led, strict=True):
+            share[numbers] = np.array(counts) / histories
             progress.add(1)
-    return shares_of_rows
+    return share
 
 
 def _led(design: MapDesign, known: Sequence[tuple[tuple[int, int], list[tuple[int, float]]]], number: int
@@ -412,37 +343,53 @@ def _place_among(motion: SettledMotion, motions: Sequence[tuple[int, float]], se
 
 @dataclass(frozen=True)
 class MotionMap:
-    """The motions of a design; `share` has the shares of `shares`."""
+    """The motions of a design, from `motions`; `share` has the shares of `shares`."""
 
     design: MapDesign
-    table: MotionTable
+    motions: list[VisitedCell]
     share: np.ndarray
+
+    def column(self, name: str) -> np.ndarray:
+        """A field of `VisitedCell`, shape (motions,)."""
+        return np.array([getattr(motion, name) for motion in self.motions])
+
+    @property
+    def periods(self) -> np.ndarray:
+        """Period of each motion [turns], shape (motions,); 0 for none up to `longest_period`."""
+        return np.array([motion.period(self.design.settings.longest_period) for motion in self.motions])
+
+    def of_fastest(self, values: np.ndarray) -> np.ndarray:
+        """Value of the fastest motion of each cell, forwards or backwards, shape (gaps, speeds); NaN without a motion.
+        """
+        order = np.argsort(np.abs(self.column("mean_speed")), kind="stable")
+        cells = np.full((self.design.gaps.count, self.design.speeds.count), np.nan)
+        cells[self.column("gap_index")[order], self.column("speed_index")[order]] = values[order]
+        return cells
 
 
 def map_in_words(motion_map: MotionMap, visits: list[VisitedCell]) -> list[str]:
     """Return lines of text about the map: numbers of motions, and mean speeds."""
-    design, table, share = motion_map.design, motion_map.table, motion_map.share
+    design, share, mean_speed = motion_map.design, motion_map.share, motion_map.column("mean_speed")
     histories = design.settings.histories
-    cells, counts = np.unique(np.column_stack([table.speed_index, table.gap_index]), axis=0, return_counts=True)
+    cells = Counter((motion.speed_index, motion.gap_index) for motion in motion_map.motions)
     unsettled = sum(visit.turns == UNSETTLED for visit in visits)
-    numbered = np.unique(table.motion[table.motion > PATCHWORK])
-    periodic = float(np.mean(table.turns > 0))
-    fastest, slowest = int(np.argmax(np.abs(table.mean_speed))), int(np.argmin(np.abs(table.mean_speed)))
-    forwards = int(np.sum(table.mean_speed > 0.0))
-    place = (f"{design.speeds.values[table.speed_index[fastest]]:g} rad/s, gap "
-             f"{design.gaps.values[table.gap_index[fastest]] * 1e3:g} mm")
-    if not math.isnan(share[fastest]):
-        place += f", {round(share[fastest] * histories)} of {histories} random starts"
-    tried = _fastest(motion_map, share)[~np.isnan(_fastest(motion_map, share))]
+    number, slowest = int(np.argmax(np.abs(mean_speed))), float(mean_speed[np.argmin(np.abs(mean_speed))])
+    fastest = motion_map.motions[number]
+    place = (f"{design.speeds.values[fastest.speed_index]:g} rad/s, gap "
+             f"{design.gaps.values[fastest.gap_index] * 1e3:g} mm")
+    if not math.isnan(share[number]):
+        place += f", {round(share[number] * histories)} of {histories} random starts"
+    share_of_fastest = motion_map.of_fastest(share)  # NaN for the only motion of a cell, which is not counted
     return [
         f"{len(cells)} of {design.speeds.count * design.gaps.count} cells have a motion, "
-        f"{np.sum(counts > 1)} have more than one; {unsettled} of {len(visits)} visits did not settle",
-        f"the fastest of several motions has most of {histories} random starts in {np.sum(tried > 0.5)} cells, and "
-        f"none of them in {np.sum(tried == 0.0)}",
-        f"{len(numbered)} motions of neighbouring cells; {periodic:.0%} of what was found repeats itself within 8 "
-        "turns",
-        f"mean speeds from {table.mean_speed[slowest] * 1e3:.1f} to {table.mean_speed[fastest] * 1e3:.1f} mm/s "
-        f"({place}); {forwards} go forwards",
+        f"{sum(count > 1 for count in cells.values())} have more than one; {unsettled} of {len(visits)} visits did not "
+        "settle",
+        f"the fastest of several motions has most of {histories} random starts in {np.sum(share_of_fastest > 0.5)} "
+        f"cells, and none of them in {np.sum(share_of_fastest == 0.0)}",
+        f"{np.mean(motion_map.periods > 0):.0%} of what was found repeats itself within "
+        f"{design.settings.longest_period} turns",
+        f"mean speeds from {slowest * 1e3:.1f} to {fastest.mean_speed * 1e3:.1f} mm/s ({place}); "
+        f"{np.sum(mean_speed > 0.0)} go forwards",
     ]
 
 
@@ -457,13 +404,13 @@ def draw_map(motion_map: MotionMap) -> bytes:
     figure = figures.new_figure(WIDTH, HEIGHT)
     upper, middle, lower = figure.subplots(3, 1, sharex=True, sharey=True)
     speeds, gaps = motion_map.design.speeds.values, 1e3 * motion_map.design.gaps.values
-    histories, turns = motion_map.design.settings.histories, motion_map.table.turns
-    figures.draw_cells(upper, speeds, gaps, _fastest(motion_map, motion_map.table.mean_speed * 1e3),
-               "fastest mean speed [mm/s]")
-    figures.draw_cells(middle, speeds, gaps, _fastest(motion_map, motion_map.share * 100.0),
-               f"share of {histories} random starts [%]", "magma", (0.0, 100.0))
-    mesh = figures.draw_classes(lower, speeds, gaps, _fastest(motion_map, np.where(turns > 4, 5, turns).astype(float)),
-                        [colour for colour, _ in _PERIODS])
+    histories, turns = motion_map.design.settings.histories, motion_map.periods
+    figures.draw_cells(upper, speeds, gaps, motion_map.of_fastest(motion_map.column("mean_speed") * 1e3),
+                       "fastest mean speed [mm/s]")
+    figures.draw_cells(middle, speeds, gaps, motion_map.of_fastest(motion_map.share * 100.0),
+                       f"share of {histories} random starts [%]", "magma", (0.0, 100.0))
+    mesh = figures.draw_classes(lower, speeds, gaps, motion_map.of_fastest(np.where(turns > 4, 5, turns).astype(float)),
+                                [colour for colour, _ in _PERIODS])
     bar = figure.colorbar(mesh, ax=lower, pad=0.01, ticks=range(len(_PERIODS)), label="period [turns]")
     bar.ax.set_yticklabels([words for _, words in _PERIODS])
     for axes in (upper, middle, lower):
@@ -475,38 +422,29 @@ def draw_map(motion_map: MotionMap) -> bytes:
     return figures.png(figure)
 
 
-def _fastest(motion_map: MotionMap, values: np.ndarray) -> np.ndarray:
-    """Value of the fastest motion of each cell, forwards or backwards, shape (gaps, speeds); NaN without a motion."""
-    order = np.argsort(np.abs(motion_map.table.mean_speed), kind="stable")
-    cells = np.full((motion_map.design.gaps.count, motion_map.design.speeds.count), np.nan)
-    cells[motion_map.table.gap_index[order], motion_map.table.speed_index[order]] = values[order]
-    return cells
-
-
 TABLE, PICTURE = "motions.parquet", "map.png"
 
 
 def _results(design: MapDesign, folder: Path, execution: Execution) -> Iterator[Results]:
     visits = visits_of(design, folder / LINES, execution)
-    table, rows = motions(visits, tolerance_of(design.scene), design.settings)
-    if not rows:
+    distinct = motions(visits, tolerance_of(design.scene), design.settings)
+    if not distinct:
         raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
-    motion_map = MotionMap(design, table, shares(design, table, execution))
-    yield Results({TABLE: _table(motion_map, rows), PICTURE: draw_map(motion_map)}, map_in_words(motion_map, visits))
+    motion_map = MotionMap(design, distinct, shares(design, distinct, execution))
+    yield Results({TABLE: motions_table(motion_map), PICTURE: draw_map(motion_map)}, map_in_words(motion_map, visits))
 
 
-def _table(motion_map: MotionMap, rows: list[VisitedCell]) -> bytes:
-    """Return a Parquet file of all motions, with motor speeds and gaps in place of indices."""
-    table, speeds, gaps = motion_map.table, motion_map.design.speeds, motion_map.design.gaps
-    columns = {"motor_speed": (speeds.values[table.speed_index], "rad/s"), "gap": (gaps.values[table.gap_index], "m"),
-               "motion": (table.motion, "1"), "turns": ([visit.turns for visit in rows], "1"),
-               "landings": ([visit.landings for visit in rows], "1"), "mean_speed": (table.mean_speed, "m/s"),
-               "cost_of_transport": (table.cost_of_transport, "1"), "stick_share": (table.stick_share, "1"),
-               "air_share": (table.air_share, "1"), "share_of_starts": (motion_map.share, "1")}
-    arrays = [pa.array(values) for values, _ in columns.values()]
-    fields = [pa.field(name, array.type, metadata={"unit": unit})
-              for (name, (_, unit)), array in zip(columns.items(), arrays, strict=True)]
-    return file_of(pa.Table.from_arrays(arrays, schema=pa.schema(fields)))
+def motions_table(motion_map: MotionMap) -> bytes:
+    """Return a Parquet file with a row for each motion."""
+    speeds, gaps = motion_map.design.speeds.values, motion_map.design.gaps.values
+    fields = [Field("motor_speed", pa.float64(), "rad/s", "of the cell"),
+              Field("gap", pa.float64(), "m", "of the cell"),
+              *(field for field in _VISIT if field.name not in ("speed_index", "gap_index", "states")),
+              Field("share_of_starts", pa.float64(), "1", "of the random starts; NaN for the only motion of a cell")]
+    return file_of(table_of([
+        {**motion._asdict(), "motor_speed": speeds[motion.speed_index], "gap": gaps[motion.gap_index],
+         "share_of_starts": share}
+        for motion, share in zip(motion_map.motions, motion_map.share, strict=True)], fields))
 
 
 def _add_options(parser: Parser) -> None:

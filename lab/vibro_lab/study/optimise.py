@@ -13,7 +13,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,41 +33,31 @@ from vibro_lab.study.table import Field, file_of, parameter_field, table_of
 from vibro_lab.study.variation import Range, at_the_edge, values_at_shares, varied_in_words, whole_number
 from vibro_ros import PARAMETERS, Parser, Scene, SimulationError, load_scene, parameter_named, scene_as_file
 
-
-class Variable(NamedTuple):
-    """A parameter that is varied from `low` to `high`, in equal ratios if `logarithmic`."""
-
-    name: str
-    low: float
-    high: float
-    logarithmic: bool
-
-
 VARIABLES = (
     # From the lightest to the heaviest mass of the paper's Fig. 3(a): m2, m3.
-    Variable("mass.upper", 0.02, 0.25, True),
-    Variable("mass.inclined", 0.02, 0.25, True),
+    Range("mass.upper", 0.02, 0.25, True),
+    Range("mass.inclined", 0.02, 0.25, True),
     # Rods l_AB, l_AC from half to twice the paper's; a crank l_DA up to the longest of Fig. 3(b), or to a rod.
-    Variable("crank.upper_rod", 0.03, 0.12, True),
-    Variable("crank.inclined_rod", 0.03, 0.12, True),
-    Variable("crank.radius", 0.003, 0.06, True),
+    Range("crank.upper_rod", 0.03, 0.12, True),
+    Range("crank.inclined_rod", 0.03, 0.12, True),
+    Range("crank.radius", 0.003, 0.06, True),
     # φ: beyond 90° the guide points into the ground; at 0° nothing drives the body.
-    Variable("guide.angle", math.radians(10.0), math.radians(90.0), False),
+    Range("guide.angle", math.radians(10.0), math.radians(90.0), False),
     # Plates k1, k4 from hard rubber to the paper's steel; springs k2, k3 a decade either way of the paper's.
-    Variable("inclined.plate.stiffness", 1e5, 1e7, True),
-    Variable("upper.spring.stiffness", 1e2, 1e4, True),
-    Variable("inclined.spring.stiffness", 1e2, 1e4, True),
-    Variable("upper.plate.stiffness", 1e5, 1e7, True),
+    Range("inclined.plate.stiffness", 1e5, 1e7, True),
+    Range("upper.spring.stiffness", 1e2, 1e4, True),
+    Range("inclined.spring.stiffness", 1e2, 1e4, True),
+    Range("upper.plate.stiffness", 1e5, 1e7, True),
     # c1 to c4 from a tenth to ten times those of `device`.
-    Variable("inclined.plate.damping", 10.0, 1000.0, True),
-    Variable("upper.spring.damping", 0.2, 20.0, True),
-    Variable("inclined.spring.damping", 0.2, 20.0, True),
-    Variable("upper.plate.damping", 10.0, 1000.0, True),
+    Range("inclined.plate.damping", 10.0, 1000.0, True),
+    Range("upper.spring.damping", 0.2, 20.0, True),
+    Range("inclined.spring.damping", 0.2, 20.0, True),
+    Range("upper.plate.damping", 10.0, 1000.0, True),
     # ω from a fifth to twice the paper's.
-    Variable("motor.speed", 20.0, 200.0, True),
+    Range("motor.speed", 20.0, 200.0, True),
     # ξ_H - l_AC, ζ_E - l_AB: a plate at the slider's mid-stroke, aside by one crank radius.
-    Variable("inclined.gap", -0.06, 0.06, False),
-    Variable("upper.gap", -0.06, 0.06, False),
+    Range("inclined.gap", -0.06, 0.06, False),
+    Range("upper.gap", -0.06, 0.06, False),
 )
 """The paper's parameters of F_opt; the rods come before the crank, and the crank before the gaps that it limits."""
 _MEANING = {"net": "the work of the motor less what the springs return to it, over time",
@@ -127,7 +117,7 @@ class SearchPlan:
     """Design of a search."""
 
     scene: Scene  # scene with the values of all parameters that are not varied
-    variables: tuple[Variable, ...]  # the varied parameters, in the order of `VARIABLES`
+    variables: tuple[Range, ...]  # the varied parameters, in the order of `VARIABLES`
     objective: str  # names in `OBJECTIVES`, `POWERS` and `DIRECTIONS`
     power: str
     direction: str
@@ -136,7 +126,7 @@ class SearchPlan:
     effort: SearchEffort  # amount of simulation
     seed: int  # seed of the search
 
-    def bounds(self, variable: Variable, values: Mapping[str, float]) -> tuple[float, float]:
+    def bounds(self, variable: Range, values: Mapping[str, float]) -> tuple[float, float]:
         """Bounds of a variable where other parameters have `values`: a crank longer than a rod jams, and a plate more
         than a crank radius aside is never touched (ValueError if nothing is left).
         """
@@ -157,7 +147,7 @@ class SearchPlan:
         values: dict[str, float] = {}
         for variable, share in zip(self.variables, point, strict=True):
             values[variable.name] = float(values_at_shares(
-                *self.bounds(variable, values), variable.logarithmic, np.array(share)))
+                *self.bounds(variable, values), variable.log, np.array(share)))
         return values
 
     def robot(self, point: Sequence[float] | np.ndarray) -> Scene:
@@ -360,25 +350,21 @@ def _row(words: str, scene: Scene, attractor: Attractor, values: np.ndarray, dri
         ratio, speed = mean(np.abs(values[:, 0]) / paid), mean(values[:, 0])
     pays = scene["effects.reaction"] and paid.mean() > 0.0 and speed["mean"] != 0.0 and weight > 0.0
     load, unloaded = values[:, len(MEASURED):].mean(axis=0).tolist()
-    return {"reading": words, "turns": attractor.turns, "starts": attractor.starts, "share": attractor.share,
-            "low": attractor.low, "high": attractor.high, "speed": speed, "least": attractor.least,
-            "largest": attractor.largest, "power": mean(values[:, 1]), "delivered": mean(values[:, 2]),
+    return {"reading": words, "words": attractor.in_words(), "turns": attractor.turns, "starts": attractor.starts,
+            "share": attractor.share, "low": attractor.low, "high": attractor.high, "speed": speed,
+            "least": attractor.least, "largest": attractor.largest, "power": mean(values[:, 1]),
+            "delivered": mean(values[:, 2]),
             "supply": mean(values[:, SUPPLY]), "ratio": ratio,
             "cost": float(paid.mean() / (weight * abs(speed["mean"]))) if pays else math.nan,
             "drift": 0.0 if attractor.turns else drift_in(drifts, speed["mean"]),
             "load": load, "unloaded": unloaded, "air": float(values[:, AIR].mean())}
 
 
-def number(value: float, factor: float = 1.0) -> str:
-    """Format `factor` times a value with three digits; a dash if it is not finite."""
-    text = f"{factor * value:.3g}"
-    return "-" if not math.isfinite(value) else f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
-
-
-def mean_in_words(statistic: Mapping[str, float], factor: float = 1.0) -> str:
-    """Format a mean ± half its interval; an interval below 1e-5 belongs to one periodic motion, and is not shown."""
-    shown = math.isfinite(statistic["mean"]) and statistic["spread"] > 1e-5 * abs(statistic["mean"])
-    return number(statistic["mean"], factor) + (f" ± {factor * statistic['spread']:.2g}" if shown else "")
+def motion_in_words(row: Mapping[str, Any]) -> str:
+    """Speed and period of a row of `verified`, the drift of a transient, V/P, and the number of starts."""
+    drift = f", drifts by {1e3 * row['drift']:.3g} mm/s" if row["drift"] else ""
+    ratio = f", {row['ratio']['mean']:.3g} m/J" if math.isfinite(row["cost"]) else ""
+    return f"{row['words']}{drift}{ratio} ({row['starts']} starts)"
 
 
 def finite(value: Any) -> Any:
@@ -388,14 +374,6 @@ def finite(value: Any) -> Any:
     if isinstance(value, list):
         return [finite(inner) for inner in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def speed_in_words(row: Mapping[str, Any]) -> str:
-    """Mean speed of a motion [mm/s], or the range of starts that have not settled; and its drift."""
-    ends = dict.fromkeys(number(row[end], 1e3) for end in ("least", "largest"))
-    settled = row["turns"] is not None or not math.isfinite(row["least"])
-    return (mean_in_words(row["speed"], 1e3) if settled else " to ".join(ends)) + (
-        f", drifts by {number(row['drift'], 1e3)}" if row["drift"] else "")
 
 
 @dataclass(frozen=True)
@@ -415,14 +393,13 @@ class Result:
 
     def in_words(self) -> list[str]:
         """Return what the robot does, its parameters, and those on a bound, beyond which the score may still rise."""
-        values, effort = self.plan.parameters(self.point), self.plan.effort
-        ratios = [f" and {mean_in_words(row['ratio'])} m/J" if math.isfinite(row["cost"]) else "" for row in self.rows]
-        does = "; ".join(
-            f"{speed_in_words(row)} mm/s{ratio} from {row['starts']} of {effort.verifying.starts} starts"
-            for row, ratio in zip(self.rows, ratios, strict=True) if row["reading"] == self.rows[0]["reading"])
-        robot = ", ".join(f"{name} = {number(value)} {PARAMETERS[name].unit}".strip() for name, value in values.items())
-        ends = [f"{name} ({_end(share)})" for name, share in zip(values, self.point, strict=True) if _end(share)]
-        return [f"The optimum goes at {does}, forward positive.", f"The optimum: {robot}.",
+        values = self.plan.parameters(self.point)
+        robot = ", ".join(f"{name} = {float(f'{value:.3g}'):g} {PARAMETERS[name].unit}".strip()
+                          for name, value in values.items())
+        ends = [f"{name} ({'lower' if share < 0.5 else 'upper'})"
+                for name, share in zip(values, self.point, strict=True) if min(share, 1.0 - share) < _ON_BOUND]
+        does = "; ".join(motion_in_words(row) for row in self.rows if row["reading"] == self.rows[0]["reading"])
+        return [f"The optimum goes at {does}; forward positive.", f"The optimum: {robot}.",
                 at_the_edge("the best score", ends) or "The optimum lies within the range of every parameter."]
 
     def numbers(self) -> bytes:
@@ -462,10 +439,6 @@ class Result:
         return figures.png(figure)
 
 
-def _end(share: float) -> str:
-    return "lower" if share < _ON_BOUND else "upper" if share > 1.0 - _ON_BOUND else ""
-
-
 def _results(plan: SearchPlan, folder: Path, execution: Execution) -> Iterator[Results]:
     candidates = searched(plan, execution)
     point = chosen(plan, candidates, execution)
@@ -478,7 +451,7 @@ def _results(plan: SearchPlan, folder: Path, execution: Execution) -> Iterator[R
     yield Results({**files, **({"front.png": result.picture()} if result.front else {})}, result.in_words())
 
 
-def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Variable, ...]:
+def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Range, ...]:
     """Return `VARIABLES` without the fixed ones, and with the bounds of the options `--vary` (ValueError)."""
     variables = {variable.name: variable for variable in VARIABLES}
     ranges = {over.name: over for over in map(varied_in_words, words)}
@@ -492,9 +465,9 @@ def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Variab
             raise ValueError(f"--vary {word}: give NAME=LOW:HIGH, such as crank.radius=0.01:0.03")
         if name in fixed:
             raise ValueError(f"--vary {name}: is fixed as well; leave out --fix or --vary")
-        if variables[name].logarithmic and over.low <= 0.0:
+        if variables[name].log and over.low <= 0.0:
             raise ValueError(f"--vary {word}: is varied in equal ratios; give bounds above 0 {PARAMETERS[name].unit}")
-        variables[name] = variables[name]._replace(low=over.low, high=over.high)
+        variables[name] = replace(variables[name], low=over.low, high=over.high)
     kept = tuple(variable for name, variable in variables.items() if name not in fixed)
     if not kept:
         raise ValueError("--fix: nothing is left to vary; fix fewer parameters")

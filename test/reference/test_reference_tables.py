@@ -144,7 +144,7 @@ def test_the_reference_obeys_every_row_of_the_mass_matrix(name):
 
 
 def test_no_stored_run_is_missed_by_more_than_the_readme_says(simulated):
-    text = " ".join((FOLDER.parents[2] / "README.md").read_text(encoding="utf-8").split())
+    text = " ".join((FOLDER.parents[1] / "README.md").read_text(encoding="utf-8").split())
     claimed = re.search(r"Against (\d+) stored runs .* no position is off by more than (\S+) m", text)
     assert len(TABLES) == int(claimed[1])
     assert max(np.abs([getattr(state, key) for state in simulated(name)[0]] - column(table, key)).max()

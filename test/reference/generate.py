@@ -1,4 +1,4 @@
-"""Write the reference tables: `python lab/test/reference/generate.py` (about two minutes; needs python-flint).
+"""Write the reference tables: `python test/reference/generate.py` (about two minutes; needs python-flint).
 
 A table holds a scene's parameters, commands and samples as 30-digit decimals, its events, and how
 far a second run of other order and precision lies from it. `--scene`, `--duration` and `--folder`
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from flint import arb, ctx
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parents[2] / "lab"))
 from benchmark.reference_model import ReferenceModel  # noqa: E402
 
 DIGITS = 30
@@ -93,7 +93,7 @@ def table(name: str, duration: float | None) -> dict:
               for key in ("body_position", "upper_position", "inclined_position"))
     columns = {key: [decimal(row[key]) for row in rows] for key in rows[0]}
     events = [{key: entry if key == "kind" else decimal(entry) for key, entry in event.items()} for event in run.events]
-    return {"scene": name, "made_by": "python lab/test/reference/generate.py", "parameters": PAPER | changes,
+    return {"scene": name, "made_by": "python test/reference/generate.py", "parameters": PAPER | changes,
             "commands": commands, "distance_to_second_run": f"{gap:.1e}", "samples": columns, "events": events}
 
 
