@@ -14,7 +14,6 @@ from vibro_ros.messages.codec import deserialised, serialised
 from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, ROBOT_TOPICS, TOPICS
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.energy import energy_of
-from vibro_ros.recordings.report import parts_of, plot_run
 from vibro_ros.recordings.summary import energy_as_lines
 
 RATE = 50.0
@@ -173,24 +172,9 @@ def test_a_bag_of_another_program_is_unknown(record_run):
     assert "says nothing of parameters" in energy_of(load_bag(record_run()))["unknown"]
 
 
-def test_lines_and_bars_tell_the_same(recorded):
+def test_the_lines_have_every_account(recorded):
     energy = energy_of(load_bag(recorded))
-    received, spent = parts_of(energy["accounts"])
-    assert sum(received.values()) == pytest.approx(sum(spent.values()), rel=1e-2)  # what is negligible is left out
     head, *rows, last = energy_as_lines(energy)
     assert "from the run simulated again" in head and "cost of transport" in last
     names = {" ".join(row.split()[:-3]) for row in rows}
-    assert {"motor delivered", "motor taken back", "drive dampers", "stored", *spent} <= names
-    figure = plot_run(load_bag(recorded), "", energy)
-    assert figure.axes[-1].get_yticklabels()[1].get_text() == "received"
-    assert len(plot_run(load_bag(recorded), "", {"unknown": "why"}).axes) == len(figure.axes) - 1
-
-
-def test_what_gives_where_it_takes_changes_the_bar():
-    """Accounts of the opposite sign belong to the other bar: friction by the rule `printed` and falling stored energy
-    are received, and a motor that takes back more than it delivers receives.
-    """
-    accounts = dict.fromkeys(("plates", "unpaid", "drive_dampers", "plate_dampers", "blows", "landings"), 0.0)
-    accounts |= {"motor_delivered": 1.0, "motor_taken_back": 3.0, "friction": -0.5, "stored": -1.5}
-    assert parts_of(accounts) == ({"friction": 0.5, "stored": 1.5}, {"motor": 2.0})
-    assert parts_of(dict.fromkeys(accounts, 0.0)) == ({}, {})
+    assert names >= {name.replace("_", " ") for name, amount in energy["accounts"].items() if amount}

@@ -39,18 +39,9 @@ ROUNDING = 1e-12
 class Scene(ParameterValues):
     """Every parameter of a simulation; immutable.
 
-    Attributes
-    ----------
-    name : str
-        Name of the scene in logs and recordings.
-    parameters : Mapping
-        Name to value, complete; SI units. `SCENE_PARAMETERS` describes each.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is unknown, of the wrong type or out of range, or if parameters
-        contradict each other; the message names the value, the limit and the remedy.
+    `name` is that in logs and recordings. `parameters` maps each name to its value in SI units; `PARAMETERS` describes
+    each. ValueError if a parameter is unknown, of the wrong type or out of range, or if parameters contradict each
+    other; the message names the value, the limit and the remedy.
 
     Examples
     --------
