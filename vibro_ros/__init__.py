@@ -102,9 +102,7 @@ _GONE = {
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name at its first use: a program that reads bags needs no kernels (65 MB), one that simulates
-    needs no bags.
-    """
+    """Import a public name at its first use: who reads bags needs no kernels (65 MB), who simulates needs no bags."""
     if name == "__version__":
         return import_module("importlib.metadata").version(__name__)
     if name in _HOMES:

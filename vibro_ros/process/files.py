@@ -88,8 +88,7 @@ def replace_file(path: Path, data: bytes) -> None:
 
 @contextmanager
 def replacement(path: Path) -> Iterator[BinaryIO]:
-    """Context with a new file that replaces what is at `path`, even a link, at its end, and not on an error (OSError).
-    """
+    """Context with a new file that replaces what is at `path`, even a link, unless an error ends it (OSError)."""
     fresh = path.with_name(f".{path.name}.{os.urandom(8).hex()}")  # unguessable, so that no link can be put there
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     try:

@@ -95,10 +95,7 @@ class RecordedRun:
 
 
 def recorded_run(stream: BagStream) -> RecordedRun:
-    """Return the description of the run in a bag.
-
-    BagError when the bag is not of the robot's own recorder, or its parameters are not valid in this version.
-    """
+    """Return the description of the run in a bag (BagError if it has none that is valid in this version)."""
     known = stream.metadata
     if missing := [key for key in ("scene", "parameters", "start") if key not in known]:
         raise BagError(f"{stream.folder}: says nothing of {', '.join(missing)}; give a bag that the robot recorded "
@@ -233,10 +230,7 @@ class Rerun:
         self.tick, self.origin = tick, tick - since
 
     def receive(self, name: str, data: bytes) -> str:
-        """Pass a recorded command or operation on the topic `name` to the device.
-
-        Return why the message cannot be read, for which reason the robot refused it; else an empty text.
-        """
+        """Pass a recorded command or operation to the device; return why it cannot be read, or an empty text."""
         try:
             message = deserialised(data, TOPICS[name].type)
             operation = read_operation(message.data) if name == OPERATIONS else None

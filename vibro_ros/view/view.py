@@ -295,8 +295,7 @@ class _BagMotion:
         return "" if resolved else "the motion changes too often to be drawn as finely as it was computed"
 
     def _impacts(self, end: float) -> list[dict[str, Any]]:
-        """Return the computed impacts where the motion is exact, and elsewhere the recorded ones, if the bag has them.
-        """
+        """Return the computed impacts where the motion is exact, and the recorded ones elsewhere, if there are any."""
         impacts = list(self._exact.impacts) if self._exact else []
         start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
         recorded = [Impact(stamp + start, stamp + start, side, force)

@@ -99,10 +99,7 @@ def _play(script: Script, settings: Mapping[str, Value], node: GuardedNode, stop
 
 
 def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
-    """Refuse a script, read from `file`, with a command that the robot would refuse.
-
-    ValueError: the message names the entry, the topic, the limit and the robot.
-    """
+    """Refuse a script, read from `file`, with a command that the robot would refuse (ValueError)."""
     for segment in script.segments:
         values = [(name, value) for name in segment.given
                   for value in (segment.ramps[name].start, segment.ramps[name].end)]

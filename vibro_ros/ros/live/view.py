@@ -173,10 +173,7 @@ Answer = Callable[[bool, str], object]  # callback with the outcome of a request
 
 
 class Presence(NamedTuple):
-    """State of the robot for the pages: its settings, start and offered services, or the reason why no robot is shown.
-
-    `origin` is the stamp [ns] of its robot time 0.
-    """
+    """State of the robot for the pages, or why none is shown; `origin` is the stamp [ns] of its robot time 0."""
 
     absence: str
     settings: Settings | None

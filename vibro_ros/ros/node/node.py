@@ -205,10 +205,7 @@ def installed_type(package: str, kind: str, name: str) -> Any:
 
 
 def message_class(type_name: str) -> type:
-    """Return the class of a message type such as ``nav_msgs/msg/Odometry``.
-
-    ValueError if it is not installed; the message names the package to install.
-    """
+    """Return the class of a message type, ``nav_msgs/msg/Odometry`` (ValueError names the package to install)."""
     package, _, name = type_name.partition("/msg/")
     if not (kind := installed_type(package, "msg", name)):
         raise ValueError(f"{type_name}: no such message here; install the ROS package {package}")

@@ -60,10 +60,7 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
 
 
 def constraints(parameter: Parameter) -> str:
-    """Return in words the constraints that a range cannot express.
-
-    They are the choices, that zero is excluded, or the smallest number other than 0.
-    """
+    """Return in words the constraints that a range cannot express."""
     if parameter.choices:
         return f"one of {', '.join(parameter.choices)}"
     if parameter.smallest:

@@ -137,10 +137,7 @@ class Recording:
         self._complete_bag = None if self._plan.storage.max_bytes else self._recorder
 
     def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
-        """Begin each file of every bag with these messages, pairs of resolved topic name and bytes.
-
-        To be called before the first `record`.
-        """
+        """Begin each file of every bag with these messages, as `BagWriter.latch`; before the first `record`."""
         self._latched = [(topic, data) for topic, data in latched if topic in self._names]
         if self._recorder is not None:
             self._recorder.latch(self._latched)

@@ -86,11 +86,7 @@ class RefusalError(ValueError):
 
 
 def transition(current: int, wanted: int) -> tuple[str, ...]:
-    """Return the operations that lead from the current state to the wanted one.
-
-    RefusalError when the number is no state, when this robot never has that state, when the robot is in it already, or
-    when no transition leads there.
-    """
+    """Return the operations that lead from the current state to the wanted one (RefusalError if none do)."""
     if wanted in (SimulationState.STATE_NO_WORLD, SimulationState.STATE_LOADING_WORLD):
         raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, f"{wanted}: a robot is always in its scene; give one of "
                                                               f"{_state_list(TRANSITIONS)}")
