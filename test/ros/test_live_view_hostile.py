@@ -72,6 +72,6 @@ def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench, visi
     view = start("live_view", "--port", "0", "--robot", "bench")
     page = visit(view)
     bench.node.create_publisher(Float64MultiArray, "bench/samples", 10)
-    bench.spin_until(lambda: page.last("absent").get("words", "").startswith("/bench cannot be shown: it has no "
-                                                                              "parameter"), "the words")
+    bench.spin_until(lambda: page.last("absent").get("words", "").startswith("/bench cannot be shown: it answers 0 "
+                                                                              "values"), "the words")
     stop(view)
