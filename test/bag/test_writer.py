@@ -143,7 +143,7 @@ def test_each_file_begins_with_what_is_said_once_for_all(tmp_path, published, st
     folder, said = tmp_path / "run", published["/motor_power"](7)
     topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 1, True)]
     with Recorder(folder, topics, {}, storage=SPLITS["size"]) as recorder:
-        recorder.latch([("/motor_power", said)])
+        recorder.announce({}, [("/motor_power", said)])
         for i in range(400):
             recorder.write("/odom", start_ns + i * PERIOD, published["/odom"](i))
     files = [folder / file["path"] for file in metadata(folder)["files"]]
@@ -193,7 +193,7 @@ def test_what_becomes_known_later_is_known_of_a_killed_and_of_a_sealed_bag(tmp_p
 
 def test_a_recorder_describes_before_the_messages_that_follow(tmp_path):
     with Recorder(tmp_path / "run", POWER, {"start": "1"}) as recorder:
-        recorder.describe({"start": "5"})
+        recorder.announce({"start": "5"}, [])
         assert recorder.write("/motor_power", 7, bytes(12))
     data = next((tmp_path / "run").glob("*.mcap")).read_bytes()
     assert BagStream(tmp_path / "run").metadata["start"] == "5"

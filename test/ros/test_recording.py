@@ -21,7 +21,7 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
-from vibro_ros.ros.robot.recording import Plan, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.robot.recording import Plan, Recording, offer_recovery, plan_recording
 from vibro_ros.ros.robot.run import RobotPublishers
 
 DESCRIPTION = "/robot_description"
@@ -109,7 +109,7 @@ def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tm
 
 
 def test_a_caller_begins_one_bag_a_second_at_most(bench, topics, tmp_path):
-    with open_recording(Plan(tmp_path, topics, Storage(), {}), False, bench.node.get_logger()) as recording:
+    with Recording(Plan(tmp_path, topics, Storage(), {}), bench.node.get_logger()) as recording:
         began = time.monotonic()
         while time.monotonic() < began + 1.5:
             recording.switch(True)

@@ -143,15 +143,9 @@ class Recorder:
             self.dropped += 1
         return False
 
-    def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
-        """Begin each file with these messages, pairs of topic and bytes, with the stamp of its first message.
-
-        To be called before any `write`.
-        """
+    def announce(self, custom: Mapping[str, str], latched: Sequence[tuple[str, bytes]]) -> None:
+        """Add to the bag's custom data, and begin each file as `BagWriter.latch`; to be called before any `write`."""
         self._writer.latch(latched)
-
-    def describe(self, custom: Mapping[str, str]) -> None:
-        """Add to the bag's custom data, before the messages that are written from now on."""
         self._new_custom = custom
         self._wake_up.put(None)
 

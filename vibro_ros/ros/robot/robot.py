@@ -46,7 +46,7 @@ from vibro_ros.ros.node.process import CLOCK, wait_for_time
 from vibro_ros.ros.robot.diagnostics import Diagnostics
 from vibro_ros.ros.robot.lock_step import checked_nodes
 from vibro_ros.ros.robot.pacing import set_real_time_priority
-from vibro_ros.ros.robot.recording import Plan, check_directory, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.robot.recording import Plan, Recording, check_directory, offer_recovery, plan_recording
 from vibro_ros.ros.robot.run import RobotPublishers, RobotRun
 from vibro_ros.ros.robot.services import offer_disturbances, offer_run_services
 from vibro_ros.sensors.device import new_device
@@ -142,7 +142,9 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
     log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
-    with open_recording(plan, settings["record.enabled"], log) as recording:
+    with Recording(plan, log) as recording:
+        if settings["record.enabled"]:
+            recording.begin()
         run = RobotRun(node, device, settings, publishers, recording, lambda: bool(stop))
         offer_run_services(node, run)
         offer_disturbances(node, run)
@@ -150,8 +152,7 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
         node.add_on_set_parameters_callback(run.set_parameters)
         # the clocks are read last, after everything that takes time; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
-        recording.describe({"start": str(run.robot_time.start)})
-        recording.latch(publishers.begin(run.robot_time.start))
+        recording.announce({"start": str(run.robot_time.start)}, publishers.begin(run.robot_time.start))
         with run.start(begin):
             diagnostics = Diagnostics(node, run, partial(_now, node, settings, run))
             _offer_simulation(node, run, settings["frame_prefix"] + ODOM)
