@@ -33,7 +33,7 @@ from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.files import one_line, open_to_read, replace_file, user_path
 from vibro_ros.recordings.comparison import notes
-from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_late, recorded_run
+from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
 from vibro_ros.view.exact import ExactMotion, inexact_spans, spans
 from vibro_ros.view.motion import (
     ExactInterval,
@@ -244,7 +244,7 @@ class _BagMotion:
 
         Its samples are all those that any topic has, and those after which the robot received an input.
         """
-        is_known = not begins_late(self._stream, facts)
+        is_known = not facts.begins_late
         signals = {name: signal for name, signal in self._signals.items() if is_position(name)}
         numbers = {name: np.rint(signal.times * facts.rate).astype(np.int64) for name, signal in signals.items()}
         last = max(int(ticks_of_signal[-1]) for ticks_of_signal in numbers.values() if len(ticks_of_signal))
