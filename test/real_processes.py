@@ -18,7 +18,7 @@ from rclpy.publisher import Publisher
 
 from vibro_ros.process.executables import EXECUTABLES
 
-MODULES = {name: one.module for name, one in EXECUTABLES.items()} | {"twin": "vibro_lab.twin.twin"}
+MODULES = {name: executable.module for name, executable in EXECUTABLES.items()} | {"twin": "vibro_lab.twin.twin"}
 
 CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")  # of a robot that is looked at
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine

@@ -60,7 +60,8 @@ def said_after(process: subprocess.Popen, patience: float = PATIENCE) -> tuple[i
 def test_every_console_script_enters_by_it():
     scripts = [script for script in entry_points(group="console_scripts")
                if script.value.startswith("vibro_ros.")]
-    assert {script.name for script in scripts} == {name for name, one in EXECUTABLES.items() if one.installed}
+    assert {script.name for script in scripts} == {
+        name for name, executable in EXECUTABLES.items() if executable.installed}
     for script in scripts:
         assert script.value == f"vibro_ros.process.entry_point:{script.name}"
         entrance = script.load()

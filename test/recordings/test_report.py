@@ -29,9 +29,9 @@ def contents(folder):
 
 def test_report_is_written_beside_the_recording_which_stays_untouched(record_run, capsys):
     folder = record_run()
-    before = contents(folder)
+    content_before = contents(folder)
     assert report.main([str(folder)]) == 0
-    assert contents(folder) == before
+    assert contents(folder) == content_before
     output = folder.with_name("run_report")
     assert sorted(path.name for path in output.iterdir()) == ["report.png", "summary.json", "summary.txt"]
     summary = summarise(read_bag(folder)) | {"energy": energy_of(read_bag(folder))}
@@ -64,12 +64,12 @@ def test_joints_of_another_robot_on_the_topic_do_not_change_a_report(record_run,
 
 def test_a_recording_is_neither_trusted_nor_written_into(record_run, tmp_path, capsys):
     hostile = rewritten(record_run(), tmp_path / "hostile", parameters='["\x1b[2J' + "x" * 10_000)
-    before = contents(hostile)
+    content_before = contents(hostile)
     assert report.main([str(hostile), "--output", str(hostile / "inside")]) == 2
     assert "lies inside the recording" in one_error_line(capsys)
     assert report.main([str(hostile)]) == 0
     printed = capsys.readouterr().out
-    assert contents(hostile) == before and "\x1b" not in printed and max(map(len, printed.splitlines())) < 400
+    assert contents(hostile) == content_before and "\x1b" not in printed and max(map(len, printed.splitlines())) < 400
 
 
 def one_error_line(capsys):
@@ -150,14 +150,14 @@ def test_every_kind_of_bag_gives_the_same_numbers(record_run, tmp_path, make):
 def test_other_storages_are_refused_with_the_remedy(record_run, tmp_path, capsys, plugin, mode, remedy):
     foreign(record_run(), tmp_path / "other" / "run", plugin, mode)
     folder = tmp_path / "other" / "run"
-    before = contents(folder)
+    content_before = contents(folder)
     for main in (report.main, replay.main, recover_executable.main):
         assert main([str(folder)]) == 2
         said = capsys.readouterr()
         assert said.out == "" and said.err.count("\n") == 1 and remedy.partition(": ")[2][:20] in said.err
     with pytest.raises(BagError, match=remedy.partition(";")[2]):
         read_bag(folder)
-    assert contents(folder) == before
+    assert contents(folder) == content_before
 
 
 @pytest.mark.parametrize("topic, at, value", [("motor_power", -8, 1e308), ("joint_states", 100, np.nan)])

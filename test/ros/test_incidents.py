@@ -13,7 +13,7 @@ from test_operations import assert_replays, operations_in
 
 from vibro_ros.recordings.summary import as_text, load_samples, summarise
 
-own = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
+types = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
 require_types()
 entity_types = pytest.importorskip("simulation_interfaces.srv", reason="simulation_interfaces is not built")
 RUNNING = ("robot", "--ros-args", "-p", "motor.speed:=100.0")
@@ -23,7 +23,7 @@ RUNNING = ("robot", "--ros-args", "-p", "motor.speed:=100.0")
 def let(call):
     """Request something of the robot, check whether it was done, and return the message of the answer."""
     def let_one(name: str, done: bool = True, **request) -> str:
-        kind = {"set_state": own.SetState, "push": own.Push, "inject_fault": own.InjectFault}[name]
+        kind = {"set_state": types.SetState, "push": types.Push, "inject_fault": types.InjectFault}[name]
         answer = call(kind, name, **request)
         assert answer.success == done, answer.message
         return answer.message
@@ -61,10 +61,10 @@ def test_a_run_through_a_state_a_push_and_faults_replays_to_the_last_bit(start, 
     let("inject_fault", fault="lost_commands", duration=0.0)
     let("inject_fault", fault="late_commands", value=0.3, duration=60.0)
     operator.spin_for_samples(1)
-    before = len(operator.heard["odom"])
+    samples_before = len(operator.heard["odom"])
     operator.command(motor_speed=50.0)
     bench.spin_until(lambda: operator.joint("crank")[1] < 100.0, "the late command in effect")
-    assert len(operator.heard["odom"]) - before >= 59  # samples at 200 Hz
+    assert len(operator.heard["odom"]) - samples_before >= 59  # samples at 200 Hz
     folder = tmp_path / stop_with_whole_bag(robot)
     assert " ".join(text.split()[0] for text in operations_in(folder)) == (
         "state push fault fault fault reset pause push step reset resume fault fault fault")
@@ -105,9 +105,10 @@ def test_what_cannot_be_is_refused_in_the_device_s_words_and_the_robot_is_an_ent
                     set_twist=twist).result
 
     assert put(pose=True, x=5.0, frame="r1/odom").result == Code.OK
-    found = call(entity_types.GetEntityState, "get_entity_state", entity="vibro_robot")
-    assert found.result.result == Code.OK and found.state.header.frame_id == "r1/odom"
-    assert found.state.pose.position.x == pytest.approx(5.0, abs=0.2) and math.isnan(found.state.acceleration.linear.x)
+    answer = call(entity_types.GetEntityState, "get_entity_state", entity="vibro_robot")
+    assert answer.result.result == Code.OK and answer.state.header.frame_id == "r1/odom"
+    assert answer.state.pose.position.x == pytest.approx(5.0, abs=0.2)
+    assert math.isnan(answer.state.acceleration.linear.x)
     for result, code, words in (
             (put(entity="other", pose=True), Code.NOT_FOUND, "entity: 'other' is not here; give vibro_robot"),
             (put(pose=True, y=1.0), 101, "give y = 0"), (put(pose=True, w=math.nan), 101, "turn"),

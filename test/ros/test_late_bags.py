@@ -24,7 +24,7 @@ from vibro_ros.bag.stream import BagStream
 from vibro_ros.recordings.comparison import compare
 from vibro_ros.recordings.energy import energy_of
 
-own = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
+types = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
 LIVE = {"ground.friction": (0.0, 0.4), "ground.friction_backward": (-1.0, 0.4), "motor.max_speed": (100.0, 600.0),
         "motor.acceleration": (50.0, 2000.0), "motor.time_constant": (0.01, 0.5), "gap_actuator.speed": (0.001, 0.05),
         "motor.supply_voltage": (20.0, 48.0), "motor.current_limit": (1.0, 20.0), "motor.integral_gain": (0.0, 2.0),
@@ -46,7 +46,7 @@ class Cut(BagStream):
         self.start = max(start, self.start)
 
     def messages(self, topics: frozenset[str] | None = None):
-        return (one for one in super().messages(topics) if one[1] >= self.start)
+        return (message for message in super().messages(topics) if message[1] >= self.start)
 
 
 def starts_of(bag: Path) -> list[int]:
@@ -72,8 +72,8 @@ def acts_on(bench, chance: random.Random) -> list:
     """Return functions that each command the robot, or request something of it without waiting for the answer."""
     pause, record, reset, step, parameters, state, push, fault = (known_client(bench, kind, name) for kind, name in (
         (SetBool, "pause"), (SetBool, "record"), (Trigger, "reset"), (Trigger, "step"),
-        (SetParameters, "set_parameters"), (own.SetState, "set_state"), (own.Push, "push"),
-        (own.InjectFault, "inject_fault")))
+        (SetParameters, "set_parameters"), (types.SetState, "set_state"), (types.Push, "push"),
+        (types.InjectFault, "inject_fault")))
     publishers = bench.publishers(dict.fromkeys(RANGES, Float64))
 
     def command():
@@ -90,7 +90,7 @@ def acts_on(bench, chance: random.Random) -> list:
     def fail():
         name, of, values = chance.choice(FAULTS)
         place = {"from_x": -0.01, "to_x": 0.01} if name == "friction_patch" else {}
-        return fault.call_async(own.InjectFault.Request(fault=name, of=of, value=chance.uniform(*values),
+        return fault.call_async(types.InjectFault.Request(fault=name, of=of, value=chance.uniform(*values),
                                                         duration=chance.uniform(0.01, 0.5), **place))
 
     return [
@@ -99,15 +99,15 @@ def acts_on(bench, chance: random.Random) -> list:
         lambda: record.call_async(SetBool.Request(data=chance.random() < 0.6)),
         lambda: reset.call_async(Trigger.Request()), lambda: step.call_async(Trigger.Request()),
         lambda: pause.call_async(SetBool.Request(data=chance.random() < 0.3)),
-        lambda: state.call_async(own.SetState.Request(names=["body_velocity"], values=[chance.uniform(-0.1, 0.1)])),
-        lambda: push.call_async(own.Push.Request(duration=chance.uniform(0.001, 0.3),
+        lambda: state.call_async(types.SetState.Request(names=["body_velocity"], values=[chance.uniform(-0.1, 0.1)])),
+        lambda: push.call_async(types.Push.Request(duration=chance.uniform(0.001, 0.3),
                                                  force_x=chance.uniform(-3.0, 3.0)))]
 
 
 def record_at_random(start, bench, folder: Path, seed: int, seconds: float) -> tuple[list[Path], Counter]:
     """Return the bags of a robot with random parameters that is treated at random, and the operations that it did."""
     chance, done, answers = random.Random(seed), [], []
-    bench.node.create_subscription(String, "/vibro_robot/operations", lambda one: done.append(one.data),
+    bench.node.create_subscription(String, "/vibro_robot/operations", lambda message: done.append(message.data),
                                    QoSProfile(depth=1000))
     robot = start("robot", "--ros-args", "-p", f"record.directory:={folder}", *random_parameters(chance))
     robot.wait_for("ready")
@@ -117,7 +117,7 @@ def record_at_random(start, bench, folder: Path, seed: int, seconds: float) -> t
         answers.append(chance.choice(acts)())
         due = time.monotonic() + chance.expovariate(40.0)
         bench.spin_until(lambda due=due: time.monotonic() >= due, "the next", patience=10.0)
-    bench.spin_until(lambda: all(one.done() for one in answers if one), "answers")
+    bench.spin_until(lambda: all(answer.done() for answer in answers if answer), "answers")
     robot.send(signal.SIGINT)
     assert robot.end() == 0, robot.text
     return bags(folder), Counter(done)
@@ -125,19 +125,19 @@ def record_at_random(start, bench, folder: Path, seed: int, seconds: float) -> t
 
 def differences_in(bag: Path) -> tuple[int, list[str]]:
     """Replay a bag from each of its beginnings; return how many there are, and the differences in words."""
-    starts, found = starts_of(bag), []
+    starts, differences = starts_of(bag), []
     for stamp in starts:
         with Cut(bag, stamp) as stream:
             if difference := compare(stream).difference:
-                found.append(f"{bag.name} from {stamp}: {difference}")
-    return len(starts), found
+                differences.append(f"{bag.name} from {stamp}: {difference}")
+    return len(starts), differences
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_every_bag_of_a_random_run_replays_from_each_of_its_checkpoints(start, bench, tmp_path, seed):
     recorded, done = record_at_random(start, bench, tmp_path, seed, 4.0)
     replayed = [differences_in(bag) for bag in recorded]
-    assert not [difference for _, found in replayed for difference in found]
+    assert not [difference for _, differences in replayed for difference in differences]
     assert sum(count for count, _ in replayed) > len(recorded)
     for bag in recorded:
         assert Counter(operations_in(bag)) <= done  # none that nobody asked for

@@ -37,7 +37,7 @@ def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, vis
         expected = np.array([row[COLUMNS.index(name)] for row in device_rows])
         assert np.array_equal(column(rows, name), expected), name
     impacts = page.wait(lambda: page.last("impacts"), "impacts")["list"]
-    assert all(one["side"] in ("upper", "inclined") and one["peak_force"] > 0.0 for one in impacts)
+    assert all(impact["side"] in ("upper", "inclined") and impact["peak_force"] > 0.0 for impact in impacts)
     status = page.wait(lambda: page.last("status"), "status")
     assert status["recording"] == "" and 0.0 <= status["dropped_share"] < 1.0 and status["refused"] == 0
     stop(view)
@@ -51,7 +51,7 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     page.wait_for_robot(offers={"reset": True, "step": True, "pause": True, "record": True})
     assert page.ask(command="motor_speed", value=1e6)["done"]
     refusal = "command refused: /motor_speed: 1e+06 is out of range; give a number from -500 to 500 rad/s"
-    page.wait(lambda: any(one["kind"] == "log" and one["words"].startswith(refusal) for one in list(page.texts)),
+    page.wait(lambda: any(text["kind"] == "log" and text["words"].startswith(refusal) for text in list(page.texts)),
               "the refusal")
     assert page.ask(call="step") | {"id": 0} == {"kind": "answer", "id": 0, "done": False,
                                                  "words": "the robot is not paused; call ~/pause with true first"}
@@ -69,10 +69,10 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     assert page.ask(parameter="ground.friction", value=2e3)["words"].startswith("ground.friction: 2000")
     assert page.ask(parameter="ground.friction", value=0.4)["done"]
     late.wait(lambda: late.last("robot")["machine"]["knobs"][-1]["value"] == 0.4, "the floor")
-    before = page.last("robot")
+    robot_before = page.last("robot")
     set_parameter(bench, "motor.max_speed", 150.0)  # by somebody else
     late.wait(lambda: late.last("robot")["machine"]["knobs"][0]["to"] == 150.0, "the new limit")
-    assert late.last("robot")["origin"] == before["origin"]
+    assert late.last("robot")["origin"] == robot_before["origin"]
     assert page.ask(command="motor_speed", value=50.0)["done"]
     late.wait(lambda: late.last("commands")["values"].get("motor_speed") == 50.0, "the command of another page")
     stop(view, number=signal.SIGTERM)
@@ -128,5 +128,5 @@ def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
     page.wait_for_rows(50)  # robot time goes on through a reset
     assert np.allclose(np.diff(column(np.concatenate(page.rows), "time")), 0.005, rtol=0.0, atol=1e-9)
     assert page.ask(command="motor_speed", value=-600.0)["done"]
-    page.wait(lambda: any("command refused" in one.get("words", "") for one in list(page.texts)), "the refusal")
+    page.wait(lambda: any("command refused" in text.get("words", "") for text in list(page.texts)), "the refusal")
     stop(view)

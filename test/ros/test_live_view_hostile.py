@@ -34,10 +34,10 @@ def strange_messages(chance: random.Random) -> list[tuple[str, bytes]]:
     asked = String(data=chance.choice(("set {", "reset reset", "step x", "set " + "[" * 2000, "fly")))
     whole = {"/vibro_robot/samples": sample, "impacts": impact, "/diagnostics": boast, "/rosout": said,
              "/vibro_robot/operations": asked}
-    found = [(topic, bytes(serialize_message(message))) for topic, message in whole.items()]
-    found += [(topic, chance.randbytes(chance.randrange(1, 1200))) for topic in KINDS]
-    found += [(topic, b"\0\1\0\0" + struct.pack("<iI", 2**31 - 1, 999_999_999) + b"\xff" * 50) for topic in KINDS]
-    return found
+    messages = [(topic, bytes(serialize_message(message))) for topic, message in whole.items()]
+    messages += [(topic, chance.randbytes(chance.randrange(1, 1200))) for topic in KINDS]
+    messages += [(topic, b"\0\1\0\0" + struct.pack("<iI", 2**31 - 1, 999_999_999) + b"\xff" * 50) for topic in KINDS]
+    return messages
 
 
 def test_strangers_change_nothing(start, bench, view, visit):
@@ -57,9 +57,10 @@ def test_strangers_change_nothing(start, bench, view, visit):
     assert np.allclose(np.diff(rows[:, 0]), 0.005, rtol=0.0, atol=1e-9)  # none is missing, none too many
     angle = rows[:, COLUMNS.index("crank_angle")]
     assert np.allclose(np.diff(angle), 0.5, rtol=0.0, atol=1e-9)
-    logs = [one["words"] for one in page.texts if one["kind"] == "log"]
+    logs = [text["words"] for text in page.texts if text["kind"] == "log"]
     assert not any("haha" in words or "\n" in words for words in logs)
-    assert all(one["peak_force"] < 1e8 for text in page.texts if text["kind"] == "impacts" for one in text["list"])
+    assert all(impact["peak_force"] < 1e8
+               for text in page.texts if text["kind"] == "impacts" for impact in text["list"])
     view.wait_for("/vibro_robot/samples: refused: ")
     page.wait_for_robot()
     stop(view)

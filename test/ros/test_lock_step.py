@@ -30,13 +30,13 @@ def messages(folder: Path) -> list[tuple[str, int, bytes]]:
         return list(stream.messages(frozenset(stream.topics)))
 
 
-def assert_equal(one: list[tuple[str, int, bytes]], other: list[tuple[str, int, bytes]]) -> None:
+def assert_equal(first: list[tuple[str, int, bytes]], second: list[tuple[str, int, bytes]]) -> None:
     """Compare two bags, and say where they first differ; pytest would search a thousand messages for it."""
-    parted = next((k for k, pair in enumerate(zip(one, other, strict=False)) if pair[0] != pair[1]), None)
+    parted = next((k for k, pair in enumerate(zip(first, second, strict=False)) if pair[0] != pair[1]), None)
     if parted is not None:
-        raise AssertionError(f"message {parted} of {len(one)}, {len(other)}: {one[parted - 2:parted + 2]} and "
-                             f"{other[parted - 2:parted + 2]}")
-    assert len(one) == len(other)
+        raise AssertionError(f"message {parted} of {len(first)}, {len(second)}: {first[parted - 2:parted + 2]} and "
+                             f"{second[parted - 2:parted + 2]}")
+    assert len(first) == len(second)
 
 
 @pytest.fixture
@@ -54,9 +54,9 @@ def test_two_runs_of_a_node_with_a_timer_have_bags_with_the_same_messages(start,
         resume()
         assert peer.end() == 0, peer.text
         stop(robot)
-    one, other = map(messages, bags(tmp_path))
-    assert_equal(one, other)
-    stamps = [stamp for topic, stamp, _ in one if topic == "/motor_speed"]
+    first, second = map(messages, bags(tmp_path))
+    assert_equal(first, second)
+    stamps = [stamp for topic, stamp, _ in first if topic == "/motor_speed"]
     assert stamps == [20_000_000 * k for k in range(1, 101)]  # [ns] each command at the very time of its timer
 
 
@@ -68,6 +68,6 @@ def test_it_stands_still_for_a_node_that_is_not_there_and_says_so_and_hears_sign
     resume()
     robot.wait_for("clock.lock_step: waiting for /nobody")
     robot.wait_for("it is not there; robot time stands still")
-    assert all(one.clock.sec == one.clock.nanosec == 0 for one in clocks)
+    assert all(message.clock.sec == message.clock.nanosec == 0 for message in clocks)
     stop(robot)
     assert "0.000 s simulated" in robot.lines[-1]

@@ -31,7 +31,8 @@ def number(name: str, value: float) -> ParameterMessage:
 def stamps_and_places(operator: Operator) -> list[tuple[int, float]]:
     """Stamp [ns] and body position [m] of every received odometry message."""
     heard = [deserialize_message(data, Odometry) for data in operator.heard["odom"]]
-    return [(one.header.stamp.sec * 10**9 + one.header.stamp.nanosec, one.pose.pose.position.x) for one in heard]
+    return [(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec, message.pose.pose.position.x)
+            for message in heard]
 
 
 def operations_in(folder: Path) -> list[str]:
@@ -40,10 +41,10 @@ def operations_in(folder: Path) -> list[str]:
 
 def assert_replays(folder: Path, samples: int, commands: int = 0) -> None:
     with BagStream(folder) as stream:
-        found = compare(stream)
-    assert found.difference is None, str(found.difference)
-    assert found.compared["/odom"] >= samples and not found.missing
-    assert found.commands >= commands
+        comparison = compare(stream)
+    assert comparison.difference is None, str(comparison.difference)
+    assert comparison.compared["/odom"] >= samples and not comparison.missing
+    assert comparison.commands >= commands
 
 
 def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_last_bit(start, bench, call, tmp_path):
@@ -59,14 +60,14 @@ def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_las
     bench.spin_until(lambda: abs(operator.joint("crank")[0] - angle) < 1e-3, "the joints of the last sample")
     last = deserialize_message(operator.heard["joint_states"][-1], JointState).header.stamp
     bench.spin_until(lambda: operator.odom().header.stamp == last, "the odometry of the last sample")
-    before = len(operator.heard["odom"])
+    samples_before = len(operator.heard["odom"])
     operator.command(motor_speed=120.0)  # of the same instant as the pause
     for _ in range(3):
         done(call(Trigger, "step"))
-    bench.spin_until(lambda: len(operator.heard["odom"]) == before + 3, "three samples")
+    bench.spin_until(lambda: len(operator.heard["odom"]) == samples_before + 3, "three samples")
     bench.spin_until(lambda: operator.joint("crank")[1] > 100.0, "the command in effect")
     done(call(Trigger, "reset"))  # which shows the start, and takes a period
-    bench.spin_until(lambda: len(operator.heard["odom"]) == before + 4, "the start")
+    bench.spin_until(lambda: len(operator.heard["odom"]) == samples_before + 4, "the start")
     bench.spin_until(lambda: operator.joint("crank")[:2] == (0.0, 100.0), "the start's crank")
     assert stamps_and_places(operator)[-1][1] == 0.0
     results = call(SetParameters, "set_parameters", parameters=[number("ground.friction", 0.1)]).results
@@ -85,7 +86,7 @@ def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_las
     folder = tmp_path / stop_with_whole_bag(robot)
 
     stamps, places = zip(*stamps_and_places(operator), strict=True)
-    assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {PERIOD}
+    assert {after - stamp for stamp, after in zip(stamps, stamps[1:], strict=False)} == {PERIOD}
     assert places.count(0.0) >= 2  # the starts
     assert operations_in(folder) == [
         "pause", "step 1", "step 1", "step 1", "reset", 'set {"ground.friction": 0.1}', "resume",
@@ -99,7 +100,7 @@ def test_a_set_that_breaks_a_limit_changes_nothing_and_a_bag_begun_after_changes
     operator = Operator(bench)
     operator.wait_for_robot()
     names = ["ground.friction", "motor.max_speed", "mass.body"]
-    before = call(GetParameters, "get_parameters", names=names).values
+    values_before = call(GetParameters, "get_parameters", names=names).values
     for wanted, words in (
             ([number("ground.friction", 0.1), number("motor.max_speed", -1.0)], "-1 is out of range"),
             ([number("ground.friction", 0.1), number("motor.max_speed", 50.0)], "the limit is motor.max_speed"),
@@ -108,7 +109,7 @@ def test_a_set_that_breaks_a_limit_changes_nothing_and_a_bag_begun_after_changes
         answers = call(SetParameters, "set_parameters", parameters=wanted).results
         assert not any(answer.successful for answer in answers)
         assert all(words in answer.reason for answer in answers)
-    assert call(GetParameters, "get_parameters", names=names).values == before
+    assert call(GetParameters, "get_parameters", names=names).values == values_before
     answers = call(SetParameters, "set_parameters", parameters=[
         number("ground.friction", 0.1), number("mass.body", 1.0)]).results
     assert [answer.successful for answer in answers] == [True, True]  # 1 kg is what the body has
@@ -135,14 +136,14 @@ def test_clock_says_the_time_of_each_sample_and_what_follows_a_reset_has_the_bit
     def hear(name: str, stamp) -> None:
         heard.append((name, stamp.sec * 10**9 + stamp.nanosec))
 
-    bench.node.create_subscription(Odometry, "odom", lambda one: hear("odom", one.header.stamp), 100)
-    bench.node.create_subscription(Clock, "/clock", lambda one: hear("clock", one.clock), 100)
+    bench.node.create_subscription(Odometry, "odom", lambda message: hear("odom", message.header.stamp), 100)
+    bench.node.create_subscription(Clock, "/clock", lambda message: hear("clock", message.clock), 100)
     bench.spin_until(lambda: {name for name, _ in heard} == {"odom", "clock"}, "both topics")
     heard.clear()
     bench.spin_until(lambda: len(heard) > 60, "30 samples")
     for name in ("odom", "clock"):
-        stamps = [stamp for one, stamp in heard if one == name]
-        assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {20_000_000}
+        stamps = [stamp for topic, stamp in heard if topic == name]
+        assert {after - stamp for stamp, after in zip(stamps, stamps[1:], strict=False)} == {20_000_000}
     assert max(stamp for _, stamp in heard) < 60 * 10**9  # robot time, not the wall clock's
     odometry: list[Odometry] = []
     done(call(SetBool, "pause", data=True))
@@ -154,8 +155,8 @@ def test_clock_says_the_time_of_each_sample_and_what_follows_a_reset_has_the_bit
             done(call(Trigger, "step"))
     bench.spin_until(lambda: len(odometry) >= 52, "26 samples of each")
     first, second = odometry[-52:-26], odometry[-26:]
-    assert [one.pose for one in first] == [one.pose for one in second]
-    assert [one.twist for one in first] == [one.twist for one in second]
+    assert [message.pose for message in first] == [message.pose for message in second]
+    assert [message.twist for message in first] == [message.twist for message in second]
     folder = tmp_path / stop_with_whole_bag(robot)
     with BagStream(folder) as stream:
         assert stream.start == 0

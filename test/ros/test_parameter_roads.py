@@ -19,7 +19,7 @@ def own_parameters_by_rcl(words: list[str], domain_id: int) -> dict[str, object]
     context = Context()
     rclpy.init(context=context, domain_id=domain_id, args=["--ros-args", "-r", "__ns:=/lab", *words])
     node = Node("vibro_robot", context=context, automatically_declare_parameters_from_overrides=True)
-    given = {name: one.value for name, one in node.get_parameters_by_prefix("").items()}
+    given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}
     node.destroy_node()
     rclpy.shutdown(context=context)
     return own_parameters(given)

@@ -97,15 +97,15 @@ def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_i
     scene = load_scene("damped").with_parameters({"mass.body": 3.0})
     expected = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | dict(scene.parameters)
     expected |= {"record.enabled": False, "scene": "damped"}
-    for parameter, shown in zip(TABLE, parameters.describe([one.name for one in TABLE]), strict=True):
+    for parameter, shown in zip(TABLE, parameters.describe([parameter.name for parameter in TABLE]), strict=True):
         value = values[parameter.name]
         assert (tuple(value) if isinstance(value, list) else value) == expected[parameter.name]
         assert type(expected[parameter.name]) is type(parameter.default)
         assert shown.read_only is not parameter.while_running
         assert parameter.description in shown.description and parameter.unit in shown.description
         assert all(choice in shown.additional_constraints for choice in parameter.choices)
-    for one in parameters.describe([*values]):
-        assert one.type and len(one.description) > 10, one.name
+    for descriptor in parameters.describe([*values]):
+        assert descriptor.type and len(descriptor.description) > 10, descriptor.name
     (speed,) = parameters.describe(["motor.max_speed"])
     assert speed.description.endswith("[rad/s]") and not speed.read_only
     assert (speed.floating_point_range[0].to_value, speed.additional_constraints) == (10_000.0, "above 0")

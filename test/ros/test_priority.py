@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool
 
 from vibro_ros.ros.robot.pacing import ALLOW, NICENESS, POLICY, PRIORITY
 
-BUSY, CROWDED = 15, 20.0  # busy processes, and the time [s] beside them
+BUSY, CROWDED = 15, 10.0  # busy processes, and the time [s] beside them
 STARTED = os.getpriority(os.PRIO_PROCESS, 0)  # niceness of the tests; a robot takes no priority if it is not 0
 REFUSED = ("setpriv", "--bounding-set=-sys_nice", "--inh-caps=-sys_nice")  # starts a program as most containers do
 

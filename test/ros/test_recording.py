@@ -58,8 +58,8 @@ def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_be
     assert done and said.startswith("recording to vibro_robot_")
     listener.spin_for_samples(100)
     stop(robot)
-    before, last = bags(tmp_path)
-    assert before == first and f"bag {last.name}: " in robot.lines[-1]
+    earlier, last = bags(tmp_path)
+    assert earlier == first and f"bag {last.name}: " in robot.lines[-1]
     gap = stamps_of(last)[0] - stamps_of(first)[-1]
     assert gap >= 20 * 5_000_000  # [ns] the samples between
     expected = robot_description(vibro_ros.load_scene("device"))

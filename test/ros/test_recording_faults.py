@@ -34,8 +34,8 @@ def test_a_full_disk_is_told_once_and_recording_resumes_when_there_is_room(start
     recover(first)
     second = bags(tmp_path)[1]
     assert len(stamps_of(first)) >= 10 and len(stamps_of(second)) >= 20
-    assert all(len(set(b - a for a, b in zip(found, found[1:], strict=False))) == 1
-               for found in (stamps_of(first), stamps_of(second)))
+    assert all(len(set(b - a for a, b in zip(stamps, stamps[1:], strict=False))) == 1
+               for stamps in (stamps_of(first), stamps_of(second)))
 
 
 SLOW = """

@@ -17,7 +17,7 @@ def test_a_recording_is_simulated_again_to_the_last_bit(recorded, capsys):
     assert replay.main([str(recorded)]) == 0
     bag = read_bag(recorded)
     commands = sum(bag.topics[f"/{name}"].messages for name in RANGES)
-    states = sum(one.messages for one in bag.topics.values()) - commands
+    states = sum(topic.messages for topic in bag.topics.values()) - commands
     assert commands > 50
     assert states > 4 * 200 * SECONDS  # a busy machine may not keep FASTER
     assert len(bag["impacts"]["time"]) > 20
@@ -44,26 +44,26 @@ def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(udp_only, start, benc
                      topics={name: f"/lab/{name.replace('motor_', '')}" for name in RANGES})
     assert len(list(bag.glob("*.mcap"))) > 4
     assert replay.main([str(bag)]) == 0  # at once
-    before, _, rest = capsys.readouterr().out.partition("\n")
+    line_before, _, rest = capsys.readouterr().out.partition("\n")
     assert "it is not sealed, because its recorder still runs or was killed" in rest
     recover(bag)
     assert replay.main([str(bag)]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("identical: ") and out.startswith(before)
+    assert out.startswith("identical: ") and out.startswith(line_before)
     assert float(out.split(" messages to ")[1].split()[0]) > 2.0  # [s]
     assert {"/lab/speed", "/lab/body/odom", "/lab/vibro_robot/operations", "/lab/robot_description", "/tf"} <= {
         *read_bag(bag).topics}
 
 
 def test_other_parameters_are_written_to_a_new_bag(recorded, capsys):
-    before = {path.name: path.read_bytes() for path in recorded.iterdir()}
+    files_before = {path.name: path.read_bytes() for path in recorded.iterdir()}
     folders = [recorded.with_name(f"{recorded.name}_replay{suffix}") for suffix in ("", "_2")]
     for folder in folders:
         assert replay.main([str(recorded), "--set", "guide.angle=1.2", "--set", "effects.adhesion=true"]) == 0
         out = capsys.readouterr().out
         assert out.splitlines()[-1] == str(folder)
         assert out.count("mean speed") == 1  # one table: recorded, replayed, difference
-    assert {path.name: path.read_bytes() for path in recorded.iterdir()} == before
+    assert {path.name: path.read_bytes() for path in recorded.iterdir()} == files_before
     first, second = (read_bag(folder) for folder in folders)
     original = read_bag(recorded)
     for name in RANGES:

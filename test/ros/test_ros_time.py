@@ -58,11 +58,11 @@ def test_stamps_begin_at_the_first_time_whatever_else_comes(start, bench, listen
     assert not any("ready" in line for line in robot.lines)
     publish(clock(1000, 5), lambda: listener.stamps)
     _, values = listener.wait_for_status("simulation", lambda status: True)
-    for message in (*(clock(*one) for one in NO_TIME), b"\0", b"\xff" * 12, clock(0), clock(1), clock(2000)):
+    for message in (*(clock(*time) for time in NO_TIME), b"\0", b"\xff" * 12, clock(0), clock(1), clock(2000)):
         publish(message)
         listener.spin_for_samples(5)
-    before = float(values["refused requests"])
-    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") > before)
+    refused_before = float(values["refused requests"])
+    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") > refused_before)
     stop(robot)
     assert listener.stamps[0] >= 1000 * 10**9 + 5
     assert set(b - a for a, b in zip(listener.stamps, listener.stamps[1:], strict=False)) == {5_000_000}

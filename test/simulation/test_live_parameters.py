@@ -25,13 +25,13 @@ def test_another_floor_goes_on_from_the_same_state_and_keeps_the_energy_balance(
     device = running(scene, solver__accounts=True)
     device.advance_to(0.3)
     for friction in (0.0, 0.1, 0.2, 0.0, 0.15):
-        before = device.state
+        state_before = device.state
         device.set_parameters({"ground.friction": friction})
         after = device.state
         for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity"):
-            assert getattr(before, name) == getattr(after, name)
+            assert getattr(state_before, name) == getattr(after, name)
         # The segment that begins here counts the phase from another place: the last digit of its sum may differ.
-        assert after.crank_angle == pytest.approx(before.crank_angle, rel=3e-16, abs=0.0)
+        assert after.crank_angle == pytest.approx(state_before.crank_angle, rel=3e-16, abs=0.0)
         device.advance_to(device.time + 0.05)
     assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-12  # J, of some joules exchanged
 
@@ -103,10 +103,10 @@ def test_what_is_on_its_way_goes_on_with_the_new_parameter(start, command, chang
 def test_a_refused_change_changes_nothing(changes: dict, words: str):
     device = running("device")
     device.advance_to(0.2)
-    before = device.scene
+    scene_before = device.scene
     with refused(device, words):
         device.set_parameters(changes)
-    assert device.scene == before
+    assert device.scene == scene_before
 
 
 def test_no_limit_falls_below_the_speed_that_was_commanded():

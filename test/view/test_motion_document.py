@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from motion_reader import Motion
+from motion_reader import MotionDocument
 
 from vibro_ros.view.motion import MotionWriter
 
@@ -26,7 +26,7 @@ def written(rng, pieces=50, steps=STEPS):
 def test_the_docstring_is_enough_to_read_a_document():
     """A reader written from the docstring alone reads the document to half a quantisation step of each quantity."""
     borders, coefficients, (header, payload) = written(np.random.default_rng(4))
-    motion = Motion(json.loads(json.dumps(header)), payload)
+    motion = MotionDocument(json.loads(json.dumps(header)), payload)
     assert (motion.known == ~np.isnan(coefficients[:, :, 0])).all()
     wrong = np.abs(motion.coefficients - coefficients) / np.array(STEPS)[:, None]
     assert wrong[motion.known].max() <= 0.500001
@@ -39,5 +39,5 @@ def test_nothing_is_known_outside_and_in_gaps_and_of_numbers_that_are_not_finite
                np.array([[[5.0, 1.0]], [[7.0, 0.0]], [[np.inf, 0.0]]]))
     header, payload = writer.document({})
     assert (header["begin"], header["end"], header["pieces"]) == (0.0, 4.0, 3)
-    x = Motion(header, payload).at(np.array([-0.1, 0.0, 0.5, 1.0, 1.5, 2.0, 2.9, 3.5, 4.1]))["x"]
+    x = MotionDocument(header, payload).at(np.array([-0.1, 0.0, 0.5, 1.0, 1.5, 2.0, 2.9, 3.5, 4.1]))["x"]
     np.testing.assert_array_equal(x, [np.nan, 4.0, 5.0, 6.0, np.nan, 7.0, 7.0, np.nan, np.nan])

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from motion_reader import NEAR, Motion
+from motion_reader import NEAR, MotionDocument
 
 import vibro_ros
 from vibro_ros.view.motion import Impact
@@ -28,9 +28,9 @@ def published(ticks: int, begin: int = 0) -> np.ndarray:
     return rows
 
 
-def as_browser(document) -> Motion:
+def as_browser(document) -> MotionDocument:
     header, payload = document
-    return Motion(json.loads(json.dumps(header, allow_nan=False)), payload)
+    return MotionDocument(json.loads(json.dumps(header, allow_nan=False)), payload)
 
 
 def test_it_passes_through_the_samples_with_the_reported_impacts_and_not_across_a_reset():
