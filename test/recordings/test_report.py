@@ -56,9 +56,9 @@ def test_joints_of_another_robot_on_the_topic_do_not_change_a_report(record_run,
     mixed = rewritten(run, tmp_path / "mixed", lambda messages: sorted(
         [*messages, *(("/joint_states", stamp - (not k), data) for k, (_, stamp, _) in enumerate(messages[::50]))],
         key=lambda message: message[1]))
-    whole, found = (summarise(load_samples(folder)) for folder in (run, mixed))
+    whole, summary_of_mixed = (summarise(load_samples(folder)) for folder in (run, mixed))
     for key in ("displacement", "crank_turns", "impacts", "mean_power", "validity"):
-        assert found[key] == whole[key], key
+        assert summary_of_mixed[key] == whole[key], key
     assert report.main([str(mixed)]) == 0
 
 
@@ -120,8 +120,8 @@ def foreign(folder, target, plugin=StoragePlugin.MCAP, mode=None):
     if mode:
         unopened.set_compression(mode, CompressionFormat.ZSTD)
     with BagStream(folder) as stream, unopened as writer:
-        connections = {topic: writer.add_connection(topic, one.type_name, typestore=store)
-                       for topic, one in stream.topics.items()}
+        connections = {topic: writer.add_connection(topic, information.type_name, typestore=store)
+                       for topic, information in stream.topics.items()}
         extra = writer.add_connection("/rosout_text", "std_msgs/msg/String", typestore=store)
         text = store.serialize_cdr(store.types["std_msgs/msg/String"](data="hello"), "std_msgs/msg/String")
         writer.write(extra, stream.start, text)
@@ -136,11 +136,11 @@ def test_every_kind_of_bag_gives_the_same_numbers(record_run, tmp_path, make):
     folder = record_run()
     make(folder, tmp_path / "other")
     report.write_report(tmp_path / "other")
-    one, other = (summarise(load_bag(path)) for path in (folder, tmp_path / "other"))
-    for summary in (one, other):
+    summary_of_run, other = (summarise(load_bag(path)) for path in (folder, tmp_path / "other"))
+    for summary in (summary_of_run, other):
         del summary["bag"], summary["recorder"], summary["not_read"]
         summary["topics"].pop("/rosout_text", None)
-    assert other == one
+    assert other == summary_of_run
 
 
 @pytest.mark.parametrize("plugin, mode, remedy", [

@@ -9,14 +9,14 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.ros.node.arguments import check_names, own_arguments
 
 
-@pytest.mark.parametrize("words, own", [
+@pytest.mark.parametrize("words, expected", [
     (["crawl"], ["crawl"]),
     (["crawl", "--ros-args", "-p", "a:=1"], ["crawl"]),
     (["--ros-args", "-p", "a:=1", "--", "crawl"], ["crawl"]),
     (["-h", "--ros-args", "-r", "x:=y", "--", "a", "--ros-args", "--log-level", "warn"], ["-h", "a"]),
 ])
-def test_own_arguments_are_those_outside_ros_args(words: list[str], own: list[str]):
-    assert own_arguments(words) == own
+def test_own_arguments_are_those_outside_ros_args(words: list[str], expected: list[str]):
+    assert own_arguments(words) == expected
 
 
 @pytest.mark.parametrize("words, remedy", [

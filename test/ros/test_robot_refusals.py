@@ -59,7 +59,7 @@ ENVIRONMENTS = {
 
 @pytest.mark.parametrize("variable, reason", ENVIRONMENTS.items(), ids=ENVIRONMENTS)
 def test_an_environment_without_ros_is_one_line(start, variable, reason):
-    started = start("robot", before=["env", variable])
+    started = start("robot", wrapper=["env", variable])
     assert started.end() == 2, started.text
     (line,) = started.lines
     assert_refused(line, reason)
@@ -68,7 +68,7 @@ def test_an_environment_without_ros_is_one_line(start, variable, reason):
 def test_a_robot_that_cannot_be_secured_does_not_start(start, tmp_path):
     """Under `Enforce`, an enclave without keys is an error and not a robot without security."""
     (tmp_path / "keys" / "enclaves" / "robot").mkdir(parents=True)
-    started = start("robot", "--ros-args", "--enclave", "/robot", before=[
+    started = start("robot", "--ros-args", "--enclave", "/robot", wrapper=[
         "env", "ROS_SECURITY_ENABLE=true", "ROS_SECURITY_STRATEGY=Enforce", f"ROS_SECURITY_KEYSTORE={tmp_path}/keys"])
     assert started.end() == 2, started.text
     (line,) = started.lines
@@ -76,7 +76,7 @@ def test_a_robot_that_cannot_be_secured_does_not_start(start, tmp_path):
 
 
 def test_what_the_middleware_finds_wrong_is_a_line_of_the_log(start):
-    started = start("robot", before=["env", "FASTRTPS_DEFAULT_PROFILES_FILE=none.xml",
+    started = start("robot", wrapper=["env", "FASTRTPS_DEFAULT_PROFILES_FILE=none.xml",
                                      "RMW_FASTRTPS_PUBLICATION_MODE=pigeons"])
     started.wait_for("ready")
     said = [line.partition("[vibro_robot]: the middleware says: ")[2] for line in started.lines if "[WARN]" in line]
