@@ -78,7 +78,7 @@ def test_masses_are_drawn_where_they_are_and_to_scale(page, recording, slope):
     machine = page.evaluate("JSON.parse(document.querySelector('#setting').textContent).machine")
     header = page.evaluate("JSON.parse(document.querySelector('#motion-header').textContent)")
     blows = np.array([(impact["time"], impact["end"]) for impact in header["impacts"]])
-    times = [time for time in np.linspace(0.8, 1.9, 60)
+    times = [time for time in np.linspace(0.8, 1.9, 30)
              if not ((blows[:, 0] - 1e-3 < time) & (time < blows[:, 1] + 1e-3)).any()]
     for guide in machine["guides"]:
         rows, seen = [], []
