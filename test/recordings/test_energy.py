@@ -35,7 +35,7 @@ def late_with(recorded, folder, tick, state):
     """Return the recording from a sample on, with a checkpoint there."""
     checkpoint = f"/{CHECKPOINT}", START + round(tick / RATE * 1e9), holding(TOPICS[CHECKPOINT].type, state)
     return rewritten(recorded, folder, lambda all_of_it: sorted([*without_earlier(tick / RATE)(all_of_it), checkpoint],
-                                                                key=lambda one: one[1]))
+                                                                key=lambda message: message[1]))
 
 
 def test_accounts_are_those_of_the_commanded_run(recorded):
@@ -54,17 +54,17 @@ def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, t
     """The energy is computed from the checkpoint on, although the robot that wrote it keeps no accounts."""
     begin = 40
     robot, accountant = (vibro_ros.Simulator(scene) for scene in (vibro_ros.load_scene("device"), device()))
-    for one in (robot, accountant):
+    for simulator in (robot, accountant):
         for at, command in COMMANDS:
             if at * RATE < begin:
-                one.advance_to(at)
-                one.command(**command)
-        one.advance_to(begin / RATE)
-    before = accountant.statistics["energy_accounts"]
+                simulator.advance_to(at)
+                simulator.command(**command)
+        simulator.advance_to(begin / RATE)
+    accounts_before = accountant.statistics["energy_accounts"]
     energy = energy_of(load_bag(late_with(recorded, tmp_path / "late", begin, robot.checkpoint())))
     whole = energy_of(load_bag(recorded))["accounts"]
     assert energy["duration"] == (TICKS - 1 - begin) / RATE
-    assert energy["accounts"] == pytest.approx({name: whole[name] - before[name] for name in whole}, abs=1e-11)
+    assert energy["accounts"] == pytest.approx({name: whole[name] - accounts_before[name] for name in whole}, abs=1e-11)
 
 
 def test_a_checkpoint_that_no_robot_made_is_unknown(recorded, tmp_path):

@@ -23,7 +23,7 @@ MILLISECOND = 1_000_000  # [ns]
 BARRIER = 3  # calls of a service after each time: a message and a request travel by roads of their own
 
 
-class Simulator:
+class SteppedClock:
     """Listens to the motor's command, publishes /clock, and waits for the controller's answers as in lock-step."""
 
     def __init__(self, bench):
@@ -58,15 +58,15 @@ class Simulator:
 
 
 @pytest.fixture
-def simulator(bench):
-    return Simulator(bench)
+def clock(bench):
+    return SteppedClock(bench)
 
 
-def until_heard(simulator: Simulator, count: int) -> None:
-    simulator.bench.spin_until(lambda: len(simulator.heard) >= count, f"{count} commands")
+def until_heard(clock: SteppedClock, count: int) -> None:
+    clock.bench.spin_until(lambda: len(clock.heard) >= count, f"{count} commands")
 
 
-def test_commands_count_in_ros_time_from_the_first_that_is_heard(start, simulator, tmp_path):
+def test_commands_count_in_ros_time_from_the_first_that_is_heard(start, clock, tmp_path):
     begin = 1_700_000_000 * 1000 * MILLISECOND + 7
     controller = start("controller", write(tmp_path, """
 entries:
@@ -74,48 +74,48 @@ entries:
   - {for: 0.2, motor_speed: {to: 30.0}}
   - {for: 1000.0, motor_speed: 40.0}
 """), *SIMULATED, "-p", "rate:=20.0")
-    simulator.wait_for_controller()
-    simulator.begin_at(begin)
-    until_heard(simulator, 1)  # nothing has to move for the commands of instant 0
+    clock.wait_for_controller()
+    clock.begin_at(begin)
+    until_heard(clock, 1)  # nothing has to move for the commands of instant 0
     for milliseconds, commands in ((0, 1), (99, 1), (100, 2), (149, 2), (150, 3), (300, 6), (1_000_299, 6)):
-        simulator.step_to(begin + milliseconds * MILLISECOND)
-        until_heard(simulator, commands)
-        assert len(simulator.heard) == commands, f"at {milliseconds} ms: {simulator.heard}"
+        clock.step_to(begin + milliseconds * MILLISECOND)
+        until_heard(clock, commands)
+        assert len(clock.heard) == commands, f"at {milliseconds} ms: {clock.heard}"
     assert not controller.ended
-    simulator.publish(begin + 1_000_300 * MILLISECOND)
+    clock.publish(begin + 1_000_300 * MILLISECOND)
     assert controller.end() == 0, controller.text
-    assert simulator.heard == [10.0, 10.0, 15.0, 20.0, 25.0, 40.0]
+    assert clock.heard == [10.0, 10.0, 15.0, 20.0, 25.0, 40.0]
 
 
-def test_times_that_are_none_and_a_pause_are_no_error_and_an_abort_stops_the_motor(start, simulator, tmp_path):
+def test_times_that_are_none_and_a_pause_are_no_error_and_an_abort_stops_the_motor(start, clock, tmp_path):
     controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 10.0}]\n"), *SIMULATED)
     controller.wait_for("use_sim_time: ")  # nothing is sent before there is a time
-    simulator.wait_for_controller()
+    clock.wait_for_controller()
     for nanoseconds in (-5, -2**31 * 1000 * MILLISECOND, (2**31 - 1) * 1000 * MILLISECOND):
-        assert simulator.step_to(nanoseconds) == []
+        assert clock.step_to(nanoseconds) == []
     controller.wait_for("/clock: refused: ")
-    simulator.begin_at(5)
-    until_heard(simulator, 1)
+    clock.begin_at(5)
+    until_heard(clock, 1)
     controller.wait_for("the script waits for /clock")
-    assert simulator.heard == [10.0]
+    assert clock.heard == [10.0]
     controller.send(signal.SIGINT)
-    simulator.bench.spin_until(lambda: controller.ended, "the end")
+    clock.bench.spin_until(lambda: controller.ended, "the end")
     assert controller.end() == 128 + signal.SIGINT
-    until_heard(simulator, 2)
-    assert simulator.heard == [10.0, 0.0]
+    until_heard(clock, 2)
+    assert clock.heard == [10.0, 0.0]
 
 
-def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, simulator, tmp_path):
+def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, clock, tmp_path):
     controller = start("controller", write(tmp_path, "entries: [{for: 100.0, motor_speed: 10.0}]\n"), *SIMULATED)
-    simulator.wait_for_controller()
-    simulator.begin_at(50_000 * MILLISECOND)
-    until_heard(simulator, 1)
-    simulator.publish(49_999 * MILLISECOND)
-    simulator.bench.spin_until(lambda: controller.ended, "the end")
+    clock.wait_for_controller()
+    clock.begin_at(50_000 * MILLISECOND)
+    until_heard(clock, 1)
+    clock.publish(49_999 * MILLISECOND)
+    clock.bench.spin_until(lambda: controller.ended, "the end")
     assert controller.end() == 1
     assert controller.lines[-1].startswith("controller: /clock jumped back from 50 to 49.999 s: a reset simulation, or")
-    until_heard(simulator, 2)
-    assert simulator.heard == [10.0, 0.0]
+    until_heard(clock, 2)
+    assert clock.heard == [10.0, 0.0]
 
 
 def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monkeypatch):

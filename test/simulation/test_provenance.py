@@ -52,19 +52,19 @@ def test_sources_include_every_module_of_the_room_that_the_motion_imports():
 
 
 def test_sources_differ_by_their_text_but_not_by_their_line_ends(monkeypatch):
-    read, here = pkgutil.get_data, provenance.software()["sources"]
+    read, sources = pkgutil.get_data, provenance.software()["sources"]
 
     def told(change):
         monkeypatch.setattr(pkgutil, "get_data", lambda package, name: change(read(package, name), name))
         provenance.software.cache_clear()
         return provenance.software()["sources"]
 
-    assert told(lambda text, name: text.replace(b"\n", b"\r\n")) == here
+    assert told(lambda text, name: text.replace(b"\n", b"\r\n")) == sources
     for module in ("flow.py", "noise.py"):  # of the solver, and of the sensors
-        assert told(lambda text, name, module=module: text + b"#" * (name == module)) != here
+        assert told(lambda text, name, module=module: text + b"#" * (name == module)) != sources
     monkeypatch.undo()
     provenance.software.cache_clear()
-    assert provenance.software()["sources"] == here
+    assert provenance.software()["sources"] == sources
 
 
 @pytest.mark.process

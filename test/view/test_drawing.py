@@ -26,7 +26,7 @@ def test_the_robot_refuses_beyond_a_knobs_limits_and_nowhere_before(changes):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters(changes))
     for knob in drawing(device.scene)["knobs"]:
         for limit, beyond in ((knob["from"], -1e-6), (knob["to"], 1e-6)):
-            turn = device.set_parameters if knob["parameter"] else lambda one: device.command(**one)
+            turn = device.set_parameters if knob["parameter"] else lambda value: device.command(**value)
             turn({knob["name"]: limit})
             with pytest.raises(ValueError):
                 turn({knob["name"]: limit + beyond})

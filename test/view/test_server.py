@@ -16,10 +16,10 @@ def rows(count: int, value: float = 0.0) -> bytes:
 
 
 def taken(outbox: Outbox) -> list[str | bytes]:
-    found = []
+    frames = []
     while outbox:
-        found.append(outbox.take())
-    return found
+        frames.append(outbox.take())
+    return frames
 
 
 def test_rows_that_follow_one_another_make_one_frame_and_texts_keep_their_place():
@@ -30,8 +30,8 @@ def test_rows_that_follow_one_another_make_one_frame_and_texts_keep_their_place(
     outbox.add("log", "L")
     outbox.add("samples", rows(1))
     frames = taken(outbox)
-    assert [one if isinstance(one, str) else (np.frombuffer(one[:8], "<u4").tolist(), len(one)) for one in frames] == [
-        "R", ([1, 5], 8 + 5 * ROW), "L", ([1, 1], 8 + ROW)]
+    assert [frame if isinstance(frame, str) else (np.frombuffer(frame[:8], "<u4").tolist(), len(frame))
+            for frame in frames] == ["R", ([1, 5], 8 + 5 * ROW), "L", ([1, 1], 8 + ROW)]
 
 
 def test_a_page_that_does_not_read_keeps_the_latest_samples_within_bounds():
@@ -41,10 +41,10 @@ def test_a_page_that_does_not_read_keeps_the_latest_samples_within_bounds():
         outbox.add("log", str(number))
         outbox.add("status", str(number))
     frames = taken(outbox)
-    samples = [np.frombuffer(one, offset=8) for one in frames if isinstance(one, bytes)]
-    assert MOST_BYTES / 2 < sum(one.nbytes for one in samples) <= MOST_BYTES
+    samples = [np.frombuffer(frame, offset=8) for frame in frames if isinstance(frame, bytes)]
+    assert MOST_BYTES / 2 < sum(sample.nbytes for sample in samples) <= MOST_BYTES
     assert samples[-1][-1] == 2999.0 and samples[0][0] > 1000.0
-    texts = [one for one in frames if isinstance(one, str)]
+    texts = [frame for frame in frames if isinstance(frame, str)]
     assert len(texts) <= MOST_TEXTS + 1 and texts[-1] == "2999"
 
 

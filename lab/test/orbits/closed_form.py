@@ -39,6 +39,7 @@ class ImpactOscillator:
         self.period = 2.0 * math.pi / self.speed
         stiffness, damping = scene["upper.spring.stiffness"] / mass, scene["upper.spring.damping"] / mass
         self.matrix = np.array([[0.0, 1.0], [-stiffness, -damping]])
+        self.turn = expm(self.matrix * self.period)
         slider = np.fft.rfft(Slider(scene["crank.radius"], self.rod, 0.0).position(angles)) / (2 * HARMONICS)
         rate = 1j * self.speed * np.arange(HARMONICS)
         self._steady = slider[:HARMONICS] * (stiffness + damping * rate) / (rate**2 + damping * rate + stiffness)
@@ -53,7 +54,7 @@ class ImpactOscillator:
     def blow(self, phase: float) -> OrbitBlow:
         """From d = M11 d + M12 (-e v - b), v - b = M21 d + M22 (-e v - b): d from the steady motion to the plate, b the
         steady velocity, v the speed before the blow, M = e^(A T)."""
-        (m11, m12), (m21, m22) = expm(self.matrix * self.period)
+        (m11, m12), (m21, m22) = self.turn
         position, velocity, _ = self.steady(phase)
         equations = [[1.0 - m11, self.restitution * m12], [-m21, 1.0 + self.restitution * m22]]
         distance, speed = np.linalg.solve(equations, [-m12 * velocity, (1.0 - m22) * velocity])
@@ -68,7 +69,7 @@ class ImpactOscillator:
                          for moving in (speed, -self.restitution * speed))
         slope = (after + self.restitution * before) / speed
         jump = np.array([[-self.restitution, 0.0], [slope, -self.restitution]])
-        return np.linalg.eigvals(expm(self.matrix * self.period) @ jump)
+        return np.linalg.eigvals(self.turn @ jump)
 
     def phases_where(self, test, count: int = 2000) -> list[float]:
         """Phases of physical blows, at positive speed, at which `test` of the phase changes its sign."""

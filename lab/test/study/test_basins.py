@@ -80,12 +80,6 @@ def test_draws_depend_on_seed_and_number_alone():
     assert np.all(inside.min(axis=0) >= [-1.0, 0.0]) and np.all(inside.max(axis=0) <= [1.0, 6.0])
 
 
-def test_the_last_coordinate_of_a_grid_changes_fastest():
-    plane = Starts((Over("body_velocity", 0.0, 1.0, 2), Over("crank_angle", 0.0, 2.0, 3)), 6)
-    assert plane.is_grid and [tuple(plane.start(k).values()) for k in range(4)] == [
-        (0.0, 0.0), (0.0, 1.0), (0.0, 2.0), (1.0, 0.0)]
-
-
 @pytest.mark.parametrize(("name", "gap"), [("damped", 0.0), ("rigid", -0.03), ("rigid", 0.03), ("device", 0.001)])
 def test_the_box_that_is_drawn_from_unless_said_otherwise_holds_no_impossible_start(name, gap):
     scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0, "upper.gap": gap})
@@ -118,10 +112,7 @@ def test_a_tolerance_that_rounding_breaks_is_said_once(tmp_path, capsys):
 @pytest.mark.parametrize(("words", "said"), [
     (["--over", "speed=0:1"], "--over speed: is no coordinate of this scene's start; give one of upper_position"),
     (["--over", "body_velocity"], "give NAME=LOW:HIGH:COUNT for a grid"),
-    (["--over", "body_velocity=1:0"], "from 1 to 0 is no range; give the smaller number first"),
-    (["--over", "body_velocity=0:.nan"], "nan is not a number; give LOW:HIGH:COUNT or LOW:HIGH"),
     (["--over", "body_velocity=0:1e7"], "give numbers up to 1e+06"),
-    (["--over", "body_velocity=0:1:1"], "count: 1 is out of range; give a whole number from 2"),
     (["--over", "body_velocity=0:1:3"], "1 coordinates, of which 1 have a count; a grid has two"),
     (["--over", "body_velocity=0:1", "--over", "body_velocity=0:2"], "given twice; keep one"),
     (["--over", "body_velocity=0:1:9", "--over", "crank_angle=0:1:9", "--starts", "5"], "a grid draws no starts"),

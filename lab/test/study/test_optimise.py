@@ -244,6 +244,7 @@ def test_everything_is_written_and_of_one_robot(folder):
     ("--scene paper", "--scene paper: has effects.reaction false"),
     ("--power supply", "--power supply: device has no dc motor"),
     ("--scene paper --objective front", "the cost of transport has no bound"),
+    ("--set solver.method=rk4", "solver.method: rk4 keeps no accounts of energy"),
     ("--budget 0", "--budget: 0 is out of range; give a whole number from 1"),
     ("--most-air 1.1", "--most-air 1.1: give a number from 0 to 1"),
     ("--least-speed nan", "--least-speed nan: give a number from 0"),

@@ -1,7 +1,6 @@
 """The table of a study: the same bytes however often it is interrupted, no foreign files accepted, damage detected."""
 
 import errno
-import json
 import math
 import os
 import random
@@ -66,14 +65,6 @@ def test_only_what_is_missing_is_computed_and_the_bytes_stay(study, tmp_path):
         (tmp_path / "cut" / name).write_bytes(files[name.rpartition("/")[2]])
     done.clear()
     assert table_and_files(roots, tmp_path / "cut")[1] == files and done == [0, 1, 2, 6, 7, 8, 9]
-
-
-def test_columns_say_their_units_and_the_folder_its_origin(study, tmp_path):
-    table_and_files(study[0], tmp_path)
-    schema = pq.read_schema(tmp_path / "blocks" / "block_000003.parquet")
-    assert schema.field("root").metadata == {b"unit": b"m", b"meaning": b"of the number"}
-    origin = json.loads((tmp_path / "blocks.json").read_text())
-    assert origin["design"] == {"design": "roots"} and origin["version"] and origin["sources"]
 
 
 def test_a_damaged_file_is_computed_again_or_has_its_values(study, tmp_path):

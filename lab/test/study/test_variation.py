@@ -93,6 +93,7 @@ def test_points_are_every_combination_with_every_sample_and_rows_every_start():
     ("guide.angle", "NAME=LOW:HIGH:COUNT"), ("guide.angle=0.7-1.2", "NAME=LOW:HIGH:COUNT"),
     ("guide.angel=0:1:3", "did you mean guide.angle"),
     ("guide.angle=0:1:2:3", "4 parts"), ("guide.angle=1:0:3", "smaller number first"),
+    ("guide.angle=0:nan:3", "'nan' is not a number"), ("guide.angle=0:1:1", "count: 1 is out of range"),
     ("guide.angle=0:4:3", "0 to 3.14159 rad"), ("guide.angle=0:1:3:log", "no logarithm"),
     ("guide.angle=0.1,0.1", "given twice"), ("effects.reaction=0:1:2", "has no range"),
     ("guide.angle=0:1:9999999", "whole number")])

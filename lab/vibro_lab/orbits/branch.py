@@ -171,16 +171,16 @@ def whole_branch(start: BranchPoint, points: int) -> Branch:
     orbits, special = list[BranchPoint](), list[tuple[int, SpecialPoint]]()
     end, closing = f"{points} orbits, the most that were asked for", Closing(start)
     try:
-        for before, after in follow(start):
-            if leaves := not 0.0 <= after.unknowns[-1] <= 1.0:
-                after = _at_bound(before, after)
-                end = (f"{after.family.name} leaves its range at {after.value:g} "
-                       f"{PARAMETERS[after.family.name].unit.replace('1', '')}").rstrip()
-            elif orbits and (reason := closing.reason(before, after)):
+        for first, second in follow(start):
+            if leaves := not 0.0 <= second.unknowns[-1] <= 1.0:
+                second = _at_bound(first, second)
+                end = (f"{second.family.name} leaves its range at {second.value:g} "
+                       f"{PARAMETERS[second.family.name].unit.replace('1', '')}").rstrip()
+            elif orbits and (reason := closing.reason(first, second)):
                 end = reason
                 break
-            special += [(len(orbits), point) for point in special_points(before, after)]
-            orbits.append(after)
+            special += [(len(orbits), point) for point in special_points(first, second)]
+            orbits.append(second)
             if leaves or len(orbits) >= points:
                 break
     except (LostError, SimulationError, ValueError) as error:
@@ -191,15 +191,15 @@ def whole_branch(start: BranchPoint, points: int) -> Branch:
     return make_branch(start.family, orbits, special, end)
 
 
-def _at_bound(before: BranchPoint, after: BranchPoint) -> BranchPoint:
+def _at_bound(first: BranchPoint, second: BranchPoint) -> BranchPoint:
     """Return the point between two neighbours at which the branch leaves the range of the parameter."""
-    share = min(max(0.0, after.unknowns[-1]), 1.0)
-    part = (share - before.unknowns[-1]) / (after.unknowns[-1] - before.unknowns[-1])
-    guess = before.unknowns + part * (after.unknowns - before.unknowns)
+    share = min(max(0.0, second.unknowns[-1]), 1.0)
+    part = (share - first.unknowns[-1]) / (second.unknowns[-1] - first.unknowns[-1])
+    guess = first.unknowns + part * (second.unknowns - first.unknowns)
     guess[-1] = share
-    unknowns, _ = corrected_orbit(before.family, guess, np.eye(len(guess))[-1])
+    unknowns, _ = corrected_orbit(first.family, guess, np.eye(len(guess))[-1])
     unknowns[-1] = share
-    return point_at(before.family, unknowns, before.tangent)
+    return point_at(first.family, unknowns, first.tangent)
 
 
 class Closing:
@@ -208,16 +208,16 @@ class Closing:
     def __init__(self, start: BranchPoint):
         self._start, self._family, self._begins, self._left = start, start.family, [start.unknowns], False
 
-    def reason(self, before: BranchPoint, after: BranchPoint) -> str:
+    def reason(self, first: BranchPoint, second: BranchPoint) -> str:
         """Reason why the branch ends between two neighbours; empty if it does not."""
-        half = after.family.turns // 2
-        if 2 * half == after.family.turns and self._apart(before, half) @ self._apart(after, half) < 0.0:
+        half = second.family.turns // 2
+        if 2 * half == second.family.turns and self._apart(first, half) @ self._apart(second, half) < 0.0:
             return f"joins the branch of {half} turn{'s' if half > 1 else ''} at a period doubling"
-        step = float(np.linalg.norm(after.unknowns - before.unknowns))
-        near = any(np.linalg.norm(after.unknowns - begin) < _CLOSING_DISTANCE * step
-                   for begin in self._begins_at(after.family))
+        step = float(np.linalg.norm(second.unknowns - first.unknowns))
+        near = any(np.linalg.norm(second.unknowns - begin) < _CLOSING_DISTANCE * step
+                   for begin in self._begins_at(second.family))
         self._left = self._left or not near
-        closes = near and self._left and same_order(after.passage.order, self._start.passage.order)
+        closes = near and self._left and same_order(second.passage.order, self._start.passage.order)
         return "closes on itself" if closes else ""
 
     def reason_at(self, last: BranchPoint) -> str:

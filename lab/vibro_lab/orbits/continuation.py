@@ -111,25 +111,25 @@ def _well_cut(point: BranchPoint) -> BranchPoint:
     return point_at(family, unknowns, along)
 
 
-def locate_zero(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint], float],
-            tolerance: float) -> tuple[BranchPoint, float]:
+def locate_zero(first: BranchPoint, second: BranchPoint, test: Callable[[BranchPoint], float],
+                tolerance: float) -> tuple[BranchPoint, float]:
     """Locate the zero of a test function between two neighbours by the Illinois method (secant and bisection).
 
     The test has different signs at both neighbours, which have the same cut; with values +-1 the method bisects.
     Returns the point, and the width of the interval of the parameter [its unit] that contains the zero; `tolerance`
     limits this width, as a share of the parameter's range.
     """
-    family, start, end = before.family, before.unknowns, after.unknowns
+    family, start, end = first.family, first.unknowns, second.unknowns
     span = end - start
     length = float(np.linalg.norm(span))
     normal = span / length
-    low, high, at_low, at_high = 0.0, 1.0, test(before), test(after)
-    low_point, high_point = before, after
+    low, high, at_low, at_high = 0.0, 1.0, test(first), test(second)
+    low_point, high_point = first, second
     while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
         secant = low + (high - low) * at_low / (at_low - at_high)
         middle = min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
         unknowns, _ = corrected_orbit(family, start + middle * span, normal, length)
-        point = point_at(family, unknowns, before.tangent, length, fine=True)
+        point = point_at(family, unknowns, first.tangent, length, fine=True)
         at = test(point)
         if (at > 0.0) == (at_low > 0.0):
             low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point
@@ -161,8 +161,8 @@ def point_before_edge(point: BranchPoint, step: float) -> BranchPoint | None:
             ahead = unknowns + max(settings.beyond_arc, 10.0 * width) * low.tangent
             apart = float(np.linalg.norm(unknowns - low.unknowns))
             if not same_order(family.order(ahead), low.passage.order):
-                before = unknowns - min(settings.before_arc, 0.5 * apart) * low.tangent
-                side = point_at(family, before, low.tangent, settings.before_arc)
+                near_edge = unknowns - min(settings.before_arc, 0.5 * apart) * low.tangent
+                side = point_at(family, near_edge, low.tangent, settings.before_arc)
                 return replace(side, unknowns=unknowns, passage=family.passage(unknowns),
                                mean_speed=family.mean_speed(unknowns), width=family.span(abs(width * low.tangent[-1])))
             if apart == 0.0:
@@ -184,14 +184,14 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
     inverse = np.linalg.pinv(np.vstack([family.jacobian(low.unknowns, far), low.tangent]))
 
     def ahead(guess: np.ndarray) -> np.ndarray | None:
-        at, before = guess.copy(), np.inf
+        at, last_size = guess.copy(), np.inf
         for _ in range(settings.most_chords):
             residual = family.residual(at)
             residual[held] = 0.0
             size = float(np.abs(residual).max())
-            if size <= 0.1 * CLOSED or size >= 0.7 * before:
+            if size <= 0.1 * CLOSED or size >= 0.7 * last_size:
                 break
-            at, before = at - inverse @ np.append(residual, low.tangent @ (at - guess)), size
+            at, last_size = at - inverse @ np.append(residual, low.tangent @ (at - guess)), size
         closes = size <= CLOSED and same_order(family.order(at), low.passage.order)
         return at if closes else None
 
@@ -209,56 +209,56 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
     return last, far - near
 
 
-def point_beyond_edge(before: BranchPoint) -> BranchPoint:
+def point_beyond_edge(edge: BranchPoint) -> BranchPoint:
     """Return the first point of the branch on the other side of an edge.
 
     The derivative of the residual is computed on the extrapolation of this side's branch, which lies on the other side;
     its null vector is the branch's direction there, forwards or backwards.
     """
-    family, settings = before.family, before.family.settings
+    family, settings = edge.family, edge.family.settings
     for probe in settings.derivative_arcs:
         try:
-            direction = _direction(family, before, probe)
+            direction = _direction(family, edge, probe)
         except (SimulationError, ValueError, np.linalg.LinAlgError):
             continue
         if direction is not None:
             for arc, sign, depth in itertools.product(settings.first_point_arcs, (1.0, -1.0), settings.depths):
-                if first_point := _entered(before, sign * direction, arc, depth):
+                if first_point := _entered(edge, sign * direction, arc, depth):
                     return first_point
     change, grazes = "which ones was not found", False
     for probe in (settings.beyond_arc, *settings.derivative_arcs):
-        order = family.order(before.unknowns + probe * before.tangent)
-        if not same_order(order, before.passage.order):
-            change = change_in_words(before.passage.order, order)
-            grazes = contacts_of(order) != contacts_of(before.passage.order)
+        order = family.order(edge.unknowns + probe * edge.tangent)
+        if not same_order(order, edge.passage.order):
+            change = change_in_words(edge.passage.order, order)
+            grazes = contacts_of(order) != contacts_of(edge.passage.order)
             break
-    raise EdgeError(f"the branch ends at {family.where(before.unknowns)}, where its events change ({change}); no "
-                    "orbit was found beyond", SpecialPoint(GRAZING, before, before.width, change) if grazes else None)
+    raise EdgeError(f"the branch ends at {family.where(edge.unknowns)}, where its events change ({change}); no "
+                    "orbit was found beyond", SpecialPoint(GRAZING, edge, edge.width, change) if grazes else None)
 
 
-def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray | None:
+def _direction(family: Family, edge: BranchPoint, probe: float) -> np.ndarray | None:
     """Direction of the branch on the other side, pointing into that side if known; None if `probe` does not reach it.
     """
-    there = before.unknowns + probe * before.tangent
-    if same_order(family.order(there), before.passage.order):
+    there = edge.unknowns + probe * edge.tangent
+    if same_order(family.order(there), edge.passage.order):
         return None
     *_, rows = np.linalg.svd(family.jacobian(there, probe))
-    along: np.ndarray = rows[-1] if rows[-1] @ before.tangent >= 0.0 else -rows[-1]
-    sides = [same_order(family.order(before.unknowns + sign * probe * along), before.passage.order)
+    along: np.ndarray = rows[-1] if rows[-1] @ edge.tangent >= 0.0 else -rows[-1]
+    sides = [same_order(family.order(edge.unknowns + sign * probe * along), edge.passage.order)
              for sign in (1.0, -1.0)]
     return -along if sides == [True, False] else along
 
 
-def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: float) -> BranchPoint | None:
+def _entered(edge: BranchPoint, direction: np.ndarray, arc: float, depth: float) -> BranchPoint | None:
     """Orbit at about the distance `arc` from the edge along a direction; None if it is not on the other side.
 
     Beyond a grazing where the map behaves like a square root, the branch begins along the edge, and its distance from
     the edge grows only with the square of the arc. So Newton's method begins deeper, by `depth` times this square.
     """
-    family = before.family
-    guess = before.unknowns + arc * direction + depth * arc**2 * before.tangent
+    family = edge.family
+    guess = edge.unknowns + arc * direction + depth * arc**2 * edge.tangent
     try:
-        if same_order(family.order(guess), before.passage.order):
+        if same_order(family.order(guess), edge.passage.order):
             return None
         unknowns, _ = corrected_orbit(family, guess, direction, arc)
         if np.linalg.norm(unknowns - guess) > arc:
@@ -266,7 +266,7 @@ def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: floa
         entered = point_at(family, unknowns, direction, arc)
     except (LostError, SimulationError, ValueError):
         return None
-    return None if same_order(entered.passage.order, before.passage.order) else entered
+    return None if same_order(entered.passage.order, edge.passage.order) else entered
 
 
 @dataclass(frozen=True)
@@ -291,40 +291,40 @@ _TESTS: dict[str, Callable[[BranchPoint], float]] = {
     DOUBLING: lambda point: float(np.prod(point.multipliers + 1.0).real), TORUS: _torus_test}
 
 
-def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
+def special_points(first: BranchPoint, second: BranchPoint) -> Iterator[SpecialPoint]:
     """Special points between two neighbours of a branch, in the order of their kinds.
 
     Two special points of the same kind between two neighbours are not found. Neighbours are at most the longest step
     apart, and closer where the branch bends.
     """
-    orders = before.passage.order, after.passage.order
+    orders = first.passage.order, second.passage.order
     if not same_order(*orders):
-        turns_back = before.tangent[-1] * after.tangent[-1] < 0.0
+        turns_back = first.tangent[-1] * second.tangent[-1] < 0.0
         change = change_in_words(*orders) + ("; the branch turns back" if turns_back else "")
         if contacts_of(orders[0]) != contacts_of(orders[1]):
-            yield SpecialPoint(GRAZING, before, before.width, change)
-        elif not _is_smooth(before, after):
-            yield SpecialPoint(CORNER, before, before.width, change)
+            yield SpecialPoint(GRAZING, first, first.width, change)
+        elif not _is_smooth(first, second):
+            yield SpecialPoint(CORNER, first, first.width, change)
         return
     for kind, test in _TESTS.items():
-        if (test(before) > 0.0) != (test(after) > 0.0):
-            point, width = locate_zero(before, after, test, before.family.settings.tolerance)
+        if (test(first) > 0.0) != (test(second) > 0.0):
+            point, width = locate_zero(first, second, test, first.family.settings.tolerance)
             pair = np.abs(point.multipliers[point.multipliers.imag != 0.0])
             # Real multipliers whose product is 1 are a neutral saddle, not a Neimark-Sacker point.
-            if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < before.family.settings.circle):
+            if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < first.family.settings.circle):
                 yield SpecialPoint(kind, point, width)
 
 
-def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
+def _is_smooth(first: BranchPoint, second: BranchPoint) -> bool:
     """Whether neither the tangent nor the multipliers of a branch jump across an edge."""
-    family, start, arc = before.family, before.unknowns, before.family.settings.compared_arc
-    direction = (after.unknowns - start) / np.linalg.norm(after.unknowns - start)
+    family, start, arc = first.family, first.unknowns, first.family.settings.compared_arc
+    direction = (second.unknowns - start) / np.linalg.norm(second.unknowns - start)
     try:
         unknowns, _ = corrected_orbit(family, start + arc * direction, direction, arc)
         near = point_at(family, unknowns, direction, arc)
     except LostError:
         return False
-    polynomial, beyond = np.poly(before.multipliers), np.poly(near.multipliers)
+    polynomial, beyond = np.poly(first.multipliers), np.poly(near.multipliers)
     largest = family.settings.smooth_change
-    return bool(1.0 - before.tangent @ near.tangent < largest
+    return bool(1.0 - first.tangent @ near.tangent < largest
                 and np.abs(polynomial - beyond).max() < largest * np.abs(polynomial).max())

@@ -109,10 +109,11 @@ def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOr
     return tuple(kind for group in at_once[1:] for kind in sorted(kind for _, kind in group))
 
 
-def _landing(before: float, after: float) -> str:
-    if abs(after) < _STOPPED_SPEED:
+def _landing(speed: float, speed_after: float) -> str:
+    if abs(speed_after) < _STOPPED_SPEED:
         return f"{LANDING}_stops"
-    return f"{LANDING}_{'turns' if before * after < 0.0 else 'slips'}_{'forward' if after > 0.0 else 'backward'}"
+    change = "turns" if speed * speed_after < 0.0 else "slips"
+    return f"{LANDING}_{change}_{'forward' if speed_after > 0.0 else 'backward'}"
 
 
 def same_order(order: EventOrder, other: EventOrder) -> bool:
@@ -129,16 +130,16 @@ def contacts_of(order: EventOrder) -> Counter[str]:
                    if kind.endswith(_CONTACT) or kind.startswith(LANDING))
 
 
-def change_in_words(before: EventOrder, after: EventOrder) -> str:
+def change_in_words(order: EventOrder, other: EventOrder) -> str:
     """Change of an order as text, such as ``stick vanishes, landing appears`` or ``other order of landing, stick``."""
-    gained, lost = Counter(after) - Counter(before), Counter(before) - Counter(after)
+    gained, lost = Counter(other) - Counter(order), Counter(order) - Counter(other)
     words = [f"{kind} {what}" for counted, what in ((lost, "vanishes"), (gained, "appears"))
              for kind in sorted(counted) if not kind.endswith(_ENDS) or len(lost) + len(gained) == 1]
     if words:
         return ", ".join(words)
-    turned = min((before[k:] + before[:k] for k in range(len(before))),
-                 key=lambda order: sum(a != b for a, b in zip(order, after, strict=True)))
-    moved = dict.fromkeys(a for a, b in zip(turned, after, strict=True) if a != b)
+    turned = min((order[k:] + order[:k] for k in range(len(order))),
+                 key=lambda rotated: sum(a != b for a, b in zip(rotated, other, strict=True)))
+    moved = dict.fromkeys(a for a, b in zip(turned, other, strict=True) if a != b)
     return f"other order of {', '.join(moved)}"
 
 

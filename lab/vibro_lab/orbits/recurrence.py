@@ -209,8 +209,8 @@ def period_of(states: np.ndarray, longest: int = LONGEST_PERIOD) -> int:
     """
     quarter = len(states) // 4
     for turns in range(1, min(longest, quarter) + 1):
-        now, before = _returns(states, turns)
-        if now <= _ROUNDING or (now < min(before, CLOSE) and quarter / turns * now * now / (before - now) <= CLOSE):
+        late, early = _returns(states, turns)
+        if late <= _ROUNDING or (late < min(early, CLOSE) and quarter / turns * late * late / (early - late) <= CLOSE):
             return next(part for part in range(1, turns + 1)
                         if turns % part == 0 and np.abs(states[-turns:] - states[-turns - part:-part]).max() <= SAME)
     return 0
@@ -230,7 +230,7 @@ def _period_within_jitter(states: np.ndarray) -> int:
         drifts = [np.abs(np.subtract(*(part.mean(axis=0) for part in np.array_split(of_turn, 2)))).max()
                   for of_turn in turn_by_turn]
         shrinking = (_returns(states, part) for part in range(1, turns) if turns % part == 0)
-        settled = max(drifts) <= _DRIFT * JITTER and all(now >= _STATIONARY_SHARE * before for now, before in shrinking)
+        settled = max(drifts) <= _DRIFT * JITTER and all(late >= _STATIONARY_SHARE * early for late, early in shrinking)
         return turns if settled else 0
     return 0
 
@@ -253,13 +253,13 @@ def _returns(states: np.ndarray, turns: int) -> tuple[float, float]:
     """Largest difference between states `turns` turns apart, in the last quarter of all cuts and in the quarter before.
     """
     quarter = len(states) // 4
-    now = np.abs(states[-quarter:] - states[-quarter - turns:-turns]).max()
-    before = np.abs(states[-2 * quarter:-quarter] - states[-2 * quarter - turns:-quarter - turns]).max()
-    return float(now), float(before)
+    late = np.abs(states[-quarter:] - states[-quarter - turns:-turns]).max()
+    early = np.abs(states[-2 * quarter:-quarter] - states[-2 * quarter - turns:-quarter - turns]).max()
+    return float(late), float(early)
 
 
 def _is_stationary(states: np.ndarray) -> bool:
     """Whether a motion without a period has settled: its smallest returns do not shrink, and its cloud stays."""
-    now, before = min((_returns(states, turns) for turns in range(1, LONGEST_PERIOD + 1)), key=lambda pair: pair[0])
+    late, early = min((_returns(states, turns) for turns in range(1, LONGEST_PERIOD + 1)), key=lambda pair: pair[0])
     quarter = len(states) // 4
-    return now > _STATIONARY_SHARE * before and bool(Cloud(states[-2 * quarter:-quarter]).holds(states[-quarter:]))
+    return late > _STATIONARY_SHARE * early and bool(Cloud(states[-2 * quarter:-quarter]).holds(states[-quarter:]))

@@ -8,7 +8,6 @@ unless nothing settles. Their exponents are independent and are computed in seve
 
 import argparse
 import itertools
-import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -34,7 +33,7 @@ from vibro_lab.orbits.turn_map import (
 )
 from vibro_lab.study import figures
 from vibro_lab.study.command import Results, StudyCommand, machine_of
-from vibro_lab.study.execution import Execution, Rows, fingerprint
+from vibro_lab.study.execution import Execution, Rows
 from vibro_lab.study.table import Field, Study, computed, file_of, parameter_field, read_block, stored
 from vibro_lab.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene
@@ -145,8 +144,8 @@ def visit_table(design: DiagramDesign, folder: Path) -> tuple[pa.Table, tuple[Vi
         for number in numbers:
             if number and last != number - 1:
                 block = number // _BLOCK - 1
-                before = cast(pa.Table, read_block(study, folder, block))
-                left = _visits_in(design, before)[-1].states[-1]
+                last_block = cast(pa.Table, read_block(study, folder, block))
+                left = _visits_in(design, last_block)[-1].states[-1]
             visit = _visit(design, number, left if number else None)
             left, last = visit.states[-1], number
             yield _rows_of(design, visit)
@@ -154,7 +153,7 @@ def visit_table(design: DiagramDesign, folder: Path) -> tuple[pa.Table, tuple[Vi
     study = Study("values", design.document(), fields, lambda number: [], 0.0, design.visits, _BLOCK)
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, visits)
-    whole = pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
+    whole = pa.concat_tables([tables[block] for block in blocks])
     return whole, tuple(_visits_in(design, whole))
 
 
@@ -313,12 +312,7 @@ def values_table(diagram: Diagram, states: pa.Table) -> bytes:
         table = table.set_column(table.column_names.index("period"), "period", measured["period"])
         for name in measured.column_names[2:]:
             table = table.append_column(name, measured[name])
-    return _file(table, design)
-
-
-def _file(table: pa.Table, design: DiagramDesign) -> bytes:
-    about = json.dumps({**fingerprint(), "design": design.document()}, ensure_ascii=False).encode()
-    return file_of(table.replace_schema_metadata({b"vibro_ros": about}))
+    return file_of(table)
 
 
 _MOST_RANGES = 40  # rows of the printed table; the files contain all
@@ -472,7 +466,7 @@ def _results(design: DiagramDesign, folder: Path, execution: Execution) -> Itera
     states, seen = visit_table(design, folder / VISITS)
     periods = period_table(design, seen, folder / EXPONENTS, execution) if design.exponents else None
     diagram = Diagram(design, seen, periods)
-    yield Results({STATES: _file(states, design), VALUES: values_table(diagram, states),
+    yield Results({STATES: file_of(states), VALUES: values_table(diagram, states),
                    PICTURE: draw_diagram(diagram)}, in_words(diagram))
 
 

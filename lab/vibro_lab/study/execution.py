@@ -14,7 +14,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -102,8 +102,8 @@ class Execution:
                                        " for want of memory; finished work is kept. Give fewer --workers and the same "
                                        "command again") from error
 
-    def _executor(self, task: Task) -> "_LocalPool | _Cluster":
-        return _Cluster(self.address) if self.address else _LocalPool(self.workers, task)
+    def _executor(self, task: Task) -> "AbstractContextManager[tuple[Executor, int]]":
+        return _cluster(self.address) if self.address else _local_pool(self.workers, task)
 
 
 def _groups(numbers: Iterator[int], size: int) -> Iterator[tuple[int, ...]]:
@@ -125,51 +125,36 @@ def _check_worker(theirs: dict[str, str], rows: list) -> list:
     return rows
 
 
-class _LocalPool:
-    """Context manager that gives an executor of processes of this machine, and the number of tasks ahead."""
-
-    def __init__(self, workers: int, task: Task):
-        self._executor: Executor = Forks(workers, task) if workers > 1 else InThisProcess()
-        self._ahead = AHEAD * workers if workers > 1 else 0
-
-    def __enter__(self) -> tuple[Executor, int]:
-        return self._executor, self._ahead
-
-    def __exit__(self, *_: object) -> None:
-        self._executor.shutdown()
+@contextmanager
+def _local_pool(workers: int, task: Task) -> Iterator[tuple[Executor, int]]:
+    """Give an executor of processes of this machine, and the number of tasks ahead."""
+    with Forks(workers, task) if workers > 1 else InThisProcess() as executor:
+        yield executor, AHEAD * workers if workers > 1 else 0
 
 
-class _Cluster:
-    """Context manager that gives an executor of a Dask cluster (``tcp://host:8786``), and the number of tasks ahead."""
-
-    def __init__(self, address: str):
-        try:
-            from distributed import Client  # only clusters need it
-        except ModuleNotFoundError as error:
-            raise ValueError(f"{error.name}: not installed; `pip install \"./lab[cluster]\"` brings what --scheduler "
-                             "needs") from error
-        self._address = address
-        try:
-            self._client = Client(address, timeout=_PATIENCE, set_as_default=False)
-        except (OSError, ValueError, TypeError, ImportError) as error:
-            raise ValueError(f"--scheduler {address}: no scheduler answers ({error}); start one with `dask scheduler`, "
-                             "and `dask worker` for each core") from error
-
-    def __enter__(self) -> tuple[Executor, int]:
-        threads = self._client.nthreads()
+@contextmanager
+def _cluster(address: str) -> Iterator[tuple[Executor, int]]:
+    """Give an executor of a Dask cluster (``tcp://host:8786``), and the number of tasks ahead."""
+    try:
+        from distributed import CancelledError as Cancelled  # only clusters need it
+        from distributed import Client, KilledWorker
+    except ModuleNotFoundError as error:
+        raise ValueError(f"{error.name}: not installed; `pip install \"./lab[cluster]\"` brings what --scheduler "
+                         "needs") from error
+    try:
+        client = Client(address, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TypeError, ImportError) as error:
+        raise ValueError(f"--scheduler {address}: no scheduler answers ({error}); start one with `dask scheduler`, "
+                         "and `dask worker` for each core") from error
+    with closing(client):
+        threads = client.nthreads()
         if not threads:
-            say("study", f"{self._address} has no worker yet; waiting for `dask worker {self._address}`")
-        return self._client.get_executor(pure=False), AHEAD * max(1, sum(threads.values()))
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        self._client.close()
-        if error is None:
-            return
-        from distributed import CancelledError as Cancelled
-        from distributed import KilledWorker
-        if isinstance(error, KilledWorker):
+            say("study", f"{address} has no worker yet; waiting for `dask worker {address}`")
+        try:
+            yield client.get_executor(pure=False), AHEAD * max(1, sum(threads.values()))
+        except KilledWorker as error:
             raise RuntimeError(f"workers of the cluster died again and again at the same task ({error}); finished work "
                                "is kept. Give them more memory and the same command again") from error
-        if isinstance(error, Cancelled | CancelledError | OSError):
-            raise RuntimeError(f"{self._address}: the scheduler went away ({error}); finished work is kept. Start it "
-                               "and give the same command again") from error
+        except (Cancelled, CancelledError, OSError) as error:
+            raise RuntimeError(f"{address}: the scheduler went away ({error}); finished work is kept. Start it and "
+                               "give the same command again") from error

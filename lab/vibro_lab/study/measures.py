@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from vibro_lab.orbits.chaos import exponent_of_pairs, half_interval
 from vibro_lab.orbits.recurrence import LEAST_WATCHED, LONGEST_PERIOD, SettledMotion, motion_of, period_in
@@ -78,20 +77,20 @@ _STICK_EVENTS, _MOVING_EVENTS = ("stick",), ("slip_forward", "slip_backward", "u
 _NEUTRAL_EVENTS = ("loaded", "landing")
 
 
-def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, before: Samples[float], events: np.ndarray,
-                          end: float) -> tuple[float, float]:
+def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, begin_state: Samples[float],
+                          events: np.ndarray, end: float) -> tuple[float, float]:
     """Times [s] during which the body stood still on the ground (NaN without a checkpoint), and was in the air.
 
-    `checkpoint` and `before` are those of the first instant; `events` happened from then on to `end` [s]. The device is
-    left at some instant of the measuring time if an event does not determine whether the body sticks or slips after it,
-    because the speed is then sampled.
+    `checkpoint` and `begin_state` are those of the first instant; `events` happened from then on to `end` [s]. The
+    device is left at some instant of the measuring time if an event does not determine whether the body sticks or slips
+    after it, because the speed is then sampled.
     """
     events = events[np.isin(events["kind"], (*_STICK_EVENTS, *_MOVING_EVENTS, *_NEUTRAL_EVENTS))]
     events = events[np.argsort(events["time"], kind="stable")]
     # Begin with an artificial event that gives the body's state, in the air or on the ground, at the first instant.
-    in_air = events["kind"][0] == "landing" if len(events) else before.body_height > 0.0
+    in_air = events["kind"][0] == "landing" if len(events) else begin_state.body_height > 0.0
     kinds = np.concatenate([["lift_off" if in_air else "loaded"], events["kind"]])
-    times = np.concatenate([[before.time], events["time"], [end]])
+    times = np.concatenate([[begin_state.time], events["time"], [end]])
     lengths = np.maximum(np.diff(times), 0.0)
     airborne = float(lengths[kinds == "lift_off"].sum())
     if checkpoint is None:
@@ -101,7 +100,7 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, befo
     if len(open_ones):
         device.restore(checkpoint)
         middles = times[open_ones] + lengths[open_ones] / 2.0
-        stands[open_ones] = device.sample(np.maximum(middles, before.time)).body_velocity == 0.0
+        stands[open_ones] = device.sample(np.maximum(middles, begin_state.time)).body_velocity == 0.0
     return float(lengths[stands].sum()), airborne
 
 
@@ -110,15 +109,8 @@ WORK, REST, LOAD, MOTION = "work", "rest", "load", "motion"
 #: Least and largest number of cuts from which a motion is identified, and their crank angle [rad], at which both
 #: sliders are far from the plates.
 LEAST_CUTS, MOST_CUTS, PHASE = 4, LEAST_WATCHED, math.pi
-# Samples per turn of the motor's power, and of N; and turns whose samples are in memory at a time.
-_SAMPLES_PER_TURN, _LOADS_PER_TURN, _TURNS_AT_ONCE = 256, 1024, 64
-
-
-class Loads(NamedTuple):
-    """Statistics of the normal force N of the ground on the body."""
-
-    mean: float  # mean N divided by the component of the weight normal to the ground; dimensionless
-    unloaded: float  # share of the time in which N is not above 0; dimensionless
+# Samples per turn of N, and turns whose samples are in memory at a time.
+_LOADS_PER_TURN, _TURNS_AT_ONCE = 1024, 64
 
 
 @dataclass(frozen=True)
@@ -133,14 +125,18 @@ class Observation:
     # made at least one turn.
     steady: bool
     events: np.ndarray  # shape (n,): events that ended in the measuring time, from `Simulator.take_events`
-    # Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless requested.
+    # Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless requested,
+    # and by a method of fixed step, which keeps no accounts.
     delivered: float
     taken_back: float
-    supplied: float  # energy from the supply of a dc motor, and heat of its winding [J]; NaN unless requested
+    supplied: float  # the same for energy from the supply of a dc motor, and heat of its winding [J]
     heated: float
     standing: float  # time [s] during which the body stood still on the ground; NaN unless requested
     airborne: float  # time [s] during which the body was in the air
-    loads: "Loads"  # statistics of the normal force; NaN unless requested
+    # Mean of the normal force N over the component of the weight normal to the ground, and share of the time in which N
+    # is not above 0; NaN unless requested.
+    mean_load: float
+    unloaded_share: float
     # Shape (m, coordinates): states at the last cuts of the measuring time, at most `MOST_CUTS`, in units of the
     # machine, with the coordinates of `TurnMap`; None unless requested, and for a motor that is not steady or turns
     # less than twice.
@@ -172,37 +168,30 @@ def observe(scene: Scene, wanted: Collection[str], settling: float, duration: fl
 def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Observation:
     """Advance a device from the first instant of a measuring time to its end, and gather the `wanted` data.
 
-    The work is taken from `solver.accounts` if the device keeps them, else from samples.
+    The work is that of its `solver.accounts`.
     """
     device.take_events()
-    scene, before = device.scene, device.state
-    checkpoint = device.checkpoint() if {REST, LOAD, MOTION} & set(wanted) else None
+    scene, begin_state = device.scene, device.state
+    checkpoint = device.checkpoint() if {REST, LOAD} & set(wanted) else None
     accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
-    booked, supplied, heated = _account_energies(device) if accounts else None, math.nan, math.nan
-    steady = bool(measured.ends) or before.motor_speed == scene["motor.speed"] != 0.0
-    sampled = WORK in wanted and not accounts
-    cuts, drift = _cuts(device, measured) if MOTION in wanted and steady and not sampled else (None, math.nan)
-    delivered, taken_back = _sampled_work(device, measured) if sampled else (math.nan, math.nan)
+    booked = _account_energies(device) if accounts else np.full(4, math.nan)
+    steady = bool(measured.ends) or begin_state.motor_speed == scene["motor.speed"] != 0.0
+    cuts, drift = _cuts(device, measured) if MOTION in wanted and steady else (None, math.nan)
     device.advance_to(measured.end)
-    after, events = device.state, device.take_events()
-    if booked is not None:
-        delivered, taken_back, supplied, heated = _account_energies(device) - booked
-    if MOTION in wanted and steady and sampled and checkpoint is not None:
-        device.restore(checkpoint)
-        cuts, drift = _cuts(device, measured)
-    standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, before, events,
+    end_state, events = device.state, device.take_events()
+    delivered, taken_back, supplied, heated = (_account_energies(device) - booked if accounts else booked).tolist()
+    standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, begin_state, events,
                                                measured.end)
-    loads = Loads(math.nan, math.nan)
+    mean_load = unloaded_share = math.nan
     if LOAD in wanted and checkpoint is not None:
         device.restore(checkpoint)
-        loads = loads_of(device, measured)
+        mean_load, unloaded_share = loads_of(device, measured)
     return Observation(
-        scene=scene, window=measured, displacement=after.body_position - before.body_position,
-        turns=abs(after.crank_angle - before.crank_angle) / TURN,
-        steady=steady and (bool(measured.ends) or after.motor_speed == scene["motor.speed"]),
-        events=events, delivered=float(delivered), taken_back=float(taken_back), supplied=float(supplied),
-        heated=float(heated), standing=standing, airborne=airborne, loads=loads, cuts=cuts,
-        drift=drift)
+        scene=scene, window=measured, displacement=end_state.body_position - begin_state.body_position,
+        turns=abs(end_state.crank_angle - begin_state.crank_angle) / TURN,
+        steady=steady and (bool(measured.ends) or end_state.motor_speed == scene["motor.speed"]), events=events,
+        delivered=delivered, taken_back=taken_back, supplied=supplied, heated=heated, standing=standing,
+        airborne=airborne, mean_load=mean_load, unloaded_share=unloaded_share, cuts=cuts, drift=drift)
 
 
 def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float]:
@@ -223,8 +212,8 @@ def _cuts(device: Simulator, measured: Window) -> tuple[np.ndarray | None, float
     if not half:
         return cuts.states[-count:], math.nan
     places = np.searchsorted(numbers, halves)
-    before, after = np.diff(cuts.positions[places]) / np.diff(cuts.times[places])
-    return cuts.states[-count:], float(after - before)
+    early, late = np.diff(cuts.positions[places]) / np.diff(cuts.times[places])
+    return cuts.states[-count:], float(late - early)
 
 
 @lru_cache(maxsize=1)
@@ -241,20 +230,8 @@ def _account_energies(device: Simulator) -> np.ndarray:
                      accounts.get("copper", math.nan)])
 
 
-def _sampled_work(device: Simulator, measured: Window) -> tuple[float, float]:
-    """Work delivered and taken back [J], from samples, for the methods of fixed step, which keep no energy accounts."""
-    count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
-    delivered = taken_back = 0.0
-    for begin in range(0, count, _TURNS_AT_ONCE):
-        numbers = np.arange(begin * _SAMPLES_PER_TURN, min(begin + _TURNS_AT_ONCE, count) * _SAMPLES_PER_TURN + 1)
-        samples = device.sample(np.minimum(measured.begin + length / _SAMPLES_PER_TURN * numbers, measured.end))
-        delivered += trapezoid(np.maximum(samples.motor_power, 0.0), samples.time)
-        taken_back += trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
-    return delivered, taken_back
-
-
-def loads_of(device: Simulator, measured: Window) -> Loads:
-    """Advance a device from the first instant of a measuring time to its end, and return the statistics of N.
+def loads_of(device: Simulator, measured: Window) -> tuple[float, float]:
+    """Advance a device from the first instant of a measuring time to its end; returns the two loads of `Observation`.
 
     With the rule `hop` the shocks of landings, and with `printed` the pulls of the ground, are too short to be sampled.
     There the mean follows from the vertical momentum of body and masses, whose change is the impulse of N minus that of
@@ -263,7 +240,7 @@ def loads_of(device: Simulator, measured: Window) -> Loads:
     scene = device.scene
     weight = scene.total_mass * scene.gravity[1]
     if not weight > 0.0:
-        return Loads(math.nan, math.nan)
+        return math.nan, math.nan
     count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
     begin, impulse, unloaded = _upward_momentum(scene, device.state), 0.0, 0.0
     for first in range(0, count, _TURNS_AT_ONCE):
@@ -275,7 +252,7 @@ def loads_of(device: Simulator, measured: Window) -> Loads:
     device.advance_to(measured.end)
     if scene["effects.normal_force"] in ("hop", "printed") and not scene["effects.misprint"]:
         impulse = weight * measured.duration + _upward_momentum(scene, device.state) - begin
-    return Loads(impulse / measured.duration / weight, unloaded)
+    return impulse / measured.duration / weight, unloaded
 
 
 def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
@@ -344,7 +321,8 @@ def _period(seen: Observation) -> float:
     return float(period_in(seen.cuts, seen.scene))
 
 
-_NO_WINDING = "NaN for another motor, and by a method of fixed step"
+_NO_ACCOUNTS = "NaN by a method of fixed step"
+_NO_WINDING = f"NaN for another motor, and {_NO_ACCOUNTS[4:]}"
 _NO_POWER = "NaN if that power is not above 0"
 #: Names of the exponent and of half its 95 % interval, which is always measured with it.
 LYAPUNOV = EXPONENT, SPREAD = "lyapunov_exponent", "lyapunov_spread"
@@ -354,10 +332,10 @@ DIRECTED = "mean_speed", "speed_per_power", "speed_per_delivered_power"
 
 MEASURES: dict[str, Measure] = {
     "mean_speed": Measure("m/s", "mean speed of the body, forward positive", (), _speed),
-    "mean_power": Measure("W", "mean mechanical power of the motor, less what the springs return to it", (WORK,),
-                          _power),
-    "delivered_power": Measure("W", "mean of the motor's power where it is positive: what the springs return is lost",
-                               (WORK,), _delivered_power),
+    "mean_power": Measure("W", "mean mechanical power of the motor, less what the springs return to it; "
+                          f"{_NO_ACCOUNTS}", (WORK,), _power),
+    "delivered_power": Measure("W", "mean of the motor's power where it is positive: what the springs return is lost; "
+                               f"{_NO_ACCOUNTS}", (WORK,), _delivered_power),
     "supply_power": Measure("W", f"mean of what the supply gives to a dc motor; {_NO_WINDING}", (WORK,),
                             lambda seen: seen.supplied / seen.window.duration),
     "current_share": Measure("1", "rms current of a dc motor over motor.continuous_current; above 1 its winding "
@@ -382,9 +360,9 @@ MEASURES: dict[str, Measure] = {
                          lambda seen: seen.airborne / seen.window.duration),
     "mean_load": Measure("1", "mean N over the weight: 1 in every steady motion on a real ground, more if the rule "
                          "unilateral holds the body down; NaN without gravity", (LOAD,),
-                         lambda seen: seen.loads.mean),
+                         lambda seen: seen.mean_load),
     "unloaded_share": Measure("1", f"share of {_LOADS_PER_TURN} instants a turn at which N is not above 0; NaN without "
-                              "gravity", (LOAD,), lambda seen: seen.loads.unloaded),
+                              "gravity", (LOAD,), lambda seen: seen.unloaded_share),
     "period": Measure("1", "turns of the crank after which the motion repeats itself at the end of the time, by the "
                       f"criterion of settled_motion; 0 without a period of up to {LONGEST_PERIOD} turns and up to a "
                       f"quarter of the measured turns, or if the motion has not settled; NaN if the motor stands or "

@@ -170,7 +170,7 @@ class SearchPlan:
 
     def speed(self, values: np.ndarray) -> float:
         """Lower quartile of the speeds of a robot [m/s]; the least speed if one is not above 0."""
-        if not np.isfinite(values[:, :SUPPLY]).all():
+        if not np.isfinite(values[:, [0, AIR]]).all():
             return FAILED
         speeds = self.speeds(values)
         return float(speeds.min() if speeds.min() <= 0.0 else np.quantile(speeds, QUANTILE))
@@ -353,8 +353,7 @@ def _row(words: str, scene: Scene, attractor: Attractor, values: np.ndarray, dri
     return {"reading": words, "words": attractor.in_words(), "turns": attractor.turns, "starts": attractor.starts,
             "share": attractor.share, "low": attractor.low, "high": attractor.high, "speed": speed,
             "least": attractor.least, "largest": attractor.largest, "power": mean(values[:, 1]),
-            "delivered": mean(values[:, 2]),
-            "supply": mean(values[:, SUPPLY]), "ratio": ratio,
+            "delivered": mean(values[:, 2]), "supply": mean(values[:, SUPPLY]), "ratio": ratio,
             "cost": float(paid.mean() / (weight * abs(speed["mean"]))) if pays else math.nan,
             "drift": 0.0 if attractor.turns else drift_in(drifts, speed["mean"]),
             "load": load, "unloaded": unloaded, "air": float(values[:, AIR].mean())}
@@ -491,6 +490,9 @@ def plan_of(options: argparse.Namespace) -> SearchPlan:
     if options.power == "supply" and not has_supply:
         raise ValueError(f"--power supply: {scene.name} has no dc motor that the method exact solves; give --power net "
                          "or delivered, or a scene with effects.motor dc such as machine")
+    if options.objective != SPEED and scene["solver.method"] != "exact":
+        raise ValueError(f"solver.method: {scene['solver.method']} keeps no accounts of energy; leave it at exact, or "
+                         "give --objective speed")
     if options.objective != SPEED and not scene["effects.reaction"]:
         raise ValueError(f"--scene {scene.name}: has effects.reaction false, by which the masses do not pay for the "
                          "body's friction, so that power can be 0 and V/P or the cost of transport has no bound; give "

@@ -82,7 +82,7 @@ def computed(study: Study, folder: Path, execution: Execution) -> pa.Table:
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, lambda numbers: execution.rows(
         study.rows, numbers, study.run_time))
-    return pa.concat_tables([tables[block].replace_schema_metadata() for block in blocks])
+    return pa.concat_tables([tables[block] for block in blocks])
 
 
 def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],

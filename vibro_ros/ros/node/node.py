@@ -151,7 +151,7 @@ class PollingSubscription:
 
     The depth of the quality of service limits the messages that wait. `topic` is the topic's full name, `profile` the
     quality of service with the user's `qos_overrides`. `take_message` of rclpy's handle is public but not documented;
-    test_subscriptions.py fails with an explanation when it changes. Do not poll while the node is destroyed.
+    test_node.py fails with an explanation when it changes. Do not poll while the node is destroyed.
 
     A topic without publishers is asked for messages only every `UNPUBLISHED` seconds, and once when its last publisher
     has left, because asking for messages costs three times as much as asking for publishers.
