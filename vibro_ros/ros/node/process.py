@@ -130,8 +130,7 @@ def _woken_by_signals(node: GuardedNode) -> Iterator[None]:
 
 
 def in_thread(work: Callable[[], Result], ended: Callable[[], object]) -> "Future[Result]":
-    """Do a piece of work in a thread of its own, so that callbacks run and signals are heard meanwhile; return its
-    future.
+    """Return the future of a piece of work in a thread of its own: callbacks run and signals are heard meanwhile.
 
     `ended` is called when the work has ended, such as what `waker` returns: else the loop would notice it only after
     up to `POLL`. The process does not wait for the thread, as it would for one of a ThreadPoolExecutor.
