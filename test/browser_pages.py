@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 import pytest
@@ -30,7 +31,7 @@ class Watch:
 
     def expect(self, words: str) -> None:
         """Take the errors that contain `words` from the list; there must be at least one."""
-        left = [one for one in self.complaints if words not in one]
+        left = [complaint for complaint in self.complaints if words not in complaint]
         assert len(left) < len(self.complaints), f"no complaint holds {words!r}: {self.complaints}"
         self.complaints = left
 
@@ -68,12 +69,20 @@ def watch() -> Iterator[Watch]:
     assert watch.complaints == []
 
 
-@pytest.fixture
-def open_page(browser, watch) -> Iterator[Callable]:
-    """Open an empty page, `open_page(width, height, touch)`; it is closed at the end of the test."""
+@pytest.fixture(scope="module")
+def session(browser) -> Iterator[Session]:
+    """The control of the browser, which takes a second to start, for the tests of a module."""
     with Session(browser) as session:
+        yield session
+
+
+@pytest.fixture
+def open_page(session, watch) -> Iterator[Callable]:
+    """Open an empty page, `open_page(width, height, touch)`; it is closed at the end of the test."""
+    with ExitStack() as at_end:
         def open_one(width: int = 1280, height: int = 720, touch: bool = False):
             page = session.page(width, height, touch)
+            at_end.callback(page.context.close)
             watch.follow(page)
             return page
         yield open_one

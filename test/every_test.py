@@ -42,14 +42,13 @@ REPEATED = {
 #: Files whose tests start processes or take seconds each; so does every test with a ROS domain. `make check` leaves
 #: them out by the mark `process`, which single tests of other files have as well.
 PROCESS = {f"test_{name}.py" for name in (
-    "continuation", "curve", "damaged_bags", "dc_orbits", "feedback", "hostile_bags", "kernel_cache", "kernels",
-    "kills", "lyapunov_spectrum", "many_runs", "recorder_faults", "recovery", "recurrence",
-    "replay")}
+    "continuation", "dc_orbits", "feedback", "hostile_bags", "lyapunov_spectrum", "many_runs", "recorder_faults",
+    "recovery", "recurrence", "replay")}
 
 #: Files that install the package, or run documents, notebooks and the demonstration as a reader would. Only
 #: `make test-slow` runs them, by the mark `slow`.
 SLOW = {f"test_{name}.py" for name in (
-    "demo", "documents", "examples", "installation", "notebooks", "sensor_examples", "site", "tutorial")}
+    "demo", "documents", "examples", "installation", "notebooks", "sensor_examples", "setup", "site", "tutorial")}
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

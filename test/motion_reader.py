@@ -12,7 +12,7 @@ NEAR = 1e-9  # m, rad
 PART = 1e-6  # of the largest value of a force, a speed or a power
 
 
-class Motion:
+class MotionDocument:
     """A document, read: `borders`, begin and end [s] of each piece; where each quantity is `known`; and the
     `coefficients` of the Chebyshev polynomials (SI), shape (pieces, quantities, n), 0 where nothing is known."""
 
@@ -43,7 +43,7 @@ class Motion:
             for q, name in enumerate(self.quantities)}
 
 
-def assert_is_run(motion: Motion, run, offset: float = 0.0) -> None:
+def assert_is_run(motion: MotionDocument, run, offset: float = 0.0) -> None:
     """Every quantity of the motion is that of a run, whose times count from `offset` [s] on."""
     for name, values in motion.at(run.time + offset).items():
         right = getattr(run, name)

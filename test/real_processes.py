@@ -18,7 +18,7 @@ from rclpy.publisher import Publisher
 
 from vibro_ros.process.executables import EXECUTABLES
 
-MODULES = {name: one.module for name, one in EXECUTABLES.items()} | {"twin": "vibro_lab.twin.twin"}
+MODULES = {name: executable.module for name, executable in EXECUTABLES.items()} | {"twin": "vibro_lab.twin.twin"}
 
 CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")  # of a robot that is looked at
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
@@ -35,11 +35,11 @@ def wait_until(done: Callable[[], bool], what: str, patience: float = PATIENCE) 
 class Executable:
     """A running executable of the package, or Python with other arguments, and its output."""
 
-    def __init__(self, name: str, *arguments: str, folder: Path, before: Sequence[str] = ()):
+    def __init__(self, name: str, *arguments: str, folder: Path, wrapper: Sequence[str] = ()):
         self.lines: list[str] = []
         words = ("-m", MODULES[name]) if name in MODULES else (name,)
         self._process = subprocess.Popen(
-            [*before, sys.executable, *words, *arguments],
+            [*wrapper, sys.executable, *words, *arguments],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder,
         )
         self._reader = threading.Thread(target=self._read)
@@ -134,13 +134,13 @@ def udp_only(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def start(domain_id: int, tmp_path: Path) -> Iterator[Callable[..., Executable]]:
-    """Fixture: a function that starts an executable in the test's domain and folder, preceded by a command `before`;
+    """Fixture: a function that starts an executable in the test's domain and folder, preceded by a command `wrapper`;
     the process is killed at the end if it still runs.
     """
     started: list[Executable] = []
 
-    def start_one(name: str, *arguments: str, before: Sequence[str] = ()) -> Executable:
-        started.append(Executable(name, *arguments, folder=tmp_path, before=before))
+    def start_one(name: str, *arguments: str, wrapper: Sequence[str] = ()) -> Executable:
+        started.append(Executable(name, *arguments, folder=tmp_path, wrapper=wrapper))
         return started[-1]
 
     assert os.environ["ROS_DOMAIN_ID"] == str(domain_id)

@@ -31,7 +31,7 @@ def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = 
               checkpoints: tuple[int, ...] = (), storage: Storage = PLAIN) -> Path:
     """Record `ticks` samples; `told` has commands, or the text of an operation, by the number of the sample."""
     scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
-    settings = {one.name: one.default for one in DEVICE_PARAMETERS} | {"rate.publish": rate}
+    settings = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | {"rate.publish": rate}
     kinds = KINDS | {SENSOR_TOPICS[name]: TOPICS[SENSOR_TOPICS[name]].type for name in sensors_on(scene)}
     topics = {name: f"/{name}" for name in kinds}
     facts = RecordedRun(settings, scene, START, topics)
@@ -69,7 +69,7 @@ def rewritten(bag: Path, folder: Path, change: Callable[[list[Message]], Iterabl
               storage: Storage = PLAIN, known: bool = True, **told: str | None) -> Path:
     """Return the same bag with a changed list of messages, another storage, or other custom data or none."""
     with BagStream(bag) as stream:
-        topics = [Topic(name, one.type_name, 10) for name, one in stream.topics.items()]
+        topics = [Topic(name, information.type_name, 10) for name, information in stream.topics.items()]
         custom = {key: text for key, text in (stream.metadata | told).items() if known and text is not None}
         return _written(folder, topics, change(list(stream.messages())), custom, storage)
 
@@ -94,7 +94,12 @@ def edit_topic(topic: str, change: Callable[[object], None],
 
 def without_earlier(time: float) -> Callable[[list[Message]], list[Message]]:
     """Return a change that removes all messages before a time [s]."""
-    return edit_each(lambda one: one if one[1] >= START + round(time * 1e9) else None)
+    return edit_each(lambda message: message if message[1] >= START + round(time * 1e9) else None)
+
+
+def without_topics(*topics: str) -> Callable[[list[Message]], list[Message]]:
+    """Return a change that removes all messages on some topics."""
+    return edit_each(lambda message: None if message[0] in topics else message)
 
 
 def _written(folder: Path, topics: Sequence[Topic], messages: Iterable[Message], custom: dict[str, str],

@@ -53,12 +53,12 @@ def violations(module: str, source: str) -> list[str]:
     part = room_of(module)
     if part not in MAY_IMPORT:
         return [f"{module}: draw in docs/architecture.md what the room {part!r} imports"]
-    found = [f"{module} imports {name}" for name in imported(module, source)
+    complaints = [f"{module} imports {name}" for name in imported(module, source)
              if not _may_import(part, name) and (module, name) not in EXEMPT]
     if part in PURE:
         calls = [node.func.id for node in ast.walk(ast.parse(source)) if _is_call(node)]
-        found += [f"{module} calls {name}()" for name in calls if name in FILE_AND_SCREEN]
-    return found
+        complaints += [f"{module} calls {name}()" for name in calls if name in FILE_AND_SCREEN]
+    return complaints
 
 
 def _may_import(part: str, name: str) -> bool:

@@ -20,8 +20,8 @@ def test_the_estimator_knows_more_than_the_mean_and_an_integral_knows_nothing():
     weights = estimator.learned(range(8))
     told, integral, speeds = map(np.concatenate, zip(*(estimator.windows(seed) for seed in (100, 101, 102)),
                                                      strict=True))
-    error, of_mean, of_integral = (np.sqrt(np.mean((found - speeds) ** 2))
-                                   for found in (told @ weights, speeds.mean(), integral))
+    error, of_mean, of_integral = (np.sqrt(np.mean((told_speeds - speeds) ** 2))
+                                   for told_speeds in (told @ weights, speeds.mean(), integral))
     assert error < 0.75 * of_mean and of_integral > 1.0
 
 
@@ -36,7 +36,7 @@ def test_the_controller_stays_at_the_target_between_the_ends_of_its_range():
             return self.speed
 
     for seed in (0.0, 1.0, 2.0):
-        found, count = feedback.errors(feedback.Controller(), seed=seed)
-        assert 150 < count < 290 and max(map(abs, found[50:])) < 0.06  # of a way of 1.5 m
+        errors, count = feedback.errors(feedback.Controller(), seed=seed)
+        assert 150 < count < 290 and max(map(abs, errors[50:])) < 0.06  # of a way of 1.5 m
     ends = [feedback.errors(Constant(speed))[0][-1] for speed in (feedback.RESTING, feedback.FASTEST)]
     assert ends[0] > 0.3 and ends[1] < -0.3  # the target lies between what both ends of the range reach

@@ -20,10 +20,10 @@ class Tree:
     def __init__(self, transforms: Iterable):
         self.parents: dict[str, str] = {}
         self.in_parent: dict[str, np.ndarray] = {}
-        for one in transforms:
-            assert one.child_frame_id not in self.parents, f"{one.child_frame_id} has two parents"
-            self.parents[one.child_frame_id] = one.header.frame_id
-            self.in_parent[one.child_frame_id] = matrix_of(one.transform)
+        for stamped in transforms:
+            assert stamped.child_frame_id not in self.parents, f"{stamped.child_frame_id} has two parents"
+            self.parents[stamped.child_frame_id] = stamped.header.frame_id
+            self.in_parent[stamped.child_frame_id] = matrix_of(stamped.transform)
 
     def in_frame(self, frame: str, target: str) -> np.ndarray:
         """Return the pose of a frame in one of its ancestors."""

@@ -7,8 +7,8 @@ makes the device from both. The other rooms use the device: `sensors`, `bag` (re
 recordings), `view` (the page) and `ros`, which alone imports rclpy. Read `simulation/simulator.py` first, then
 `docs/architecture.md`. Studies of the robot are the package `vibro_lab`.
 
-The table `_HOMES` below is the public interface, by what a program wants to do. Other packages import these names from
-`vibro_ros`, and the frame of a ROS node from `vibro_ros.ros`; all else may change with any version.
+The table `_NAMES_OF` below is the public interface, by what a program wants to do. Other packages import these names
+from `vibro_ros`, and the frame of a ROS node from `vibro_ros.ros`; all else may change with any version.
 """
 
 from importlib import import_module
@@ -60,81 +60,40 @@ __all__ = ["ACCELERATIONS", "BagError", "BagStream", "COMMANDS", "Forks", "IMU_F
            "read_operation", "read_scalar", "read_settings", "read_yaml", "replace_file", "robot_topics", "say",
            "scene_as_file", "scene_origin", "set_heading", "shipped", "simulate", "simulate_many", "software"]
 
-_HOMES = {  # of each public name its module, and after a colon its name there if that differs
+_NAMES_OF = {  # public names by their module; after a colon the name there, if it differs
     # scenes, and where the shipped files are
-    "Scene": "model.scene",
-    "check_scene": "model.scene",
-    "find_file": "configuration.scene_file",
-    "load_scene": "configuration.scene_file",
-    "scene_as_file": "configuration.scene_file",
-    "scene_origin": "configuration.scene_file",
-    "shipped": "configuration.scene_file",
+    "model.scene": "Scene check_scene",
+    "configuration.scene_file": "find_file load_scene scene_as_file scene_origin shipped",
     # parameters: their table, and checked values
-    "PARAMETERS": "model.parameters:BY_NAME",
-    "Parameter": "model.parameters",
-    "Value": "model.parameters",
-    "checked_parameters": "model.parameters",
-    "parameter_named": "model.parameters",
-    "quoted": "model.parameters",
-    # runs, and a device that takes commands while it runs
-    "LATEST_TIME": "simulation.samples:LATEST",
-    "SAMPLE_FIELDS": "simulation.samples:FIELDS",
-    "STATE_UNITS": "simulation.given_state",
-    "Incident": "model.faults",
-    "Samples": "simulation.samples",
-    "SimulationError": "simulation.motion",
-    "Simulator": "simulation.simulator",
-    "ToleranceWarning": "simulation.simulator",
-    "motor_coordinates": "simulation.given_state",
-    "simulate": "simulation.runs",
-    "simulate_many": "simulation.runs",
-    # many runs at once, and what decides their bits
-    "Forks": "simulation.runs",
-    "InThisProcess": "simulation.runs",
-    "core_count": "simulation.runs",
-    "in_order": "simulation.runs",
-    "in_processes": "simulation.runs",
-    "software": "simulation.provenance",
+    "model.parameters": "PARAMETERS:BY_NAME Parameter Value checked_parameters parameter_named quoted",
+    # a device that takes commands while it runs, whole runs, many at once, and what decides their bits
+    "simulation.simulator": "Simulator ToleranceWarning",
+    "simulation.runs": "Forks InThisProcess core_count in_order in_processes simulate simulate_many",
+    "simulation.samples": "LATEST_TIME:LATEST SAMPLE_FIELDS:FIELDS Samples",
+    "simulation.given_state": "STATE_UNITS motor_coordinates",
+    "simulation.motion": "SimulationError",
+    "simulation.provenance": "software",
+    "model.faults": "Incident",
     # sensors
-    "ACCELERATIONS": "sensors.noise",
-    "IMU_FORGETTING": "sensors.noise:FORGETTING",
-    "SensedSimulator": "sensors.device",
-    "force_at_rest": "sensors.noise",
-    "of_imu": "sensors.noise",
+    "sensors.device": "SensedSimulator",
+    "sensors.noise": "ACCELERATIONS IMU_FORGETTING:FORGETTING force_at_rest of_imu",
     # recordings
-    "BagError": "bag.stream",
-    "BagStream": "bag.stream",
-    "bag_errors": "bag.stream",
-    "read_bag": "bag.reader",
-    "robot_topics": "bag.stream",
+    "bag.reader": "read_bag",
+    "bag.stream": "BagError BagStream bag_errors robot_topics",
     # topics and messages
-    "COMMANDS": "messages.topics",
-    "JOINTS": "messages.frames",
-    "TOPICS": "messages.topics",
-    "commands_in": "messages.topics",
-    "commands_of": "messages.topics",
-    "deserialised": "messages.codec",
-    "joints_of": "messages.frames",
-    "read_operation": "messages.operations",
+    "messages.topics": "COMMANDS TOPICS commands_in commands_of",
+    "messages.frames": "JOINTS joints_of",
+    "messages.codec": "deserialised",
+    "messages.operations": "read_operation",
     # the frame of an executable, and the files that it reads and writes
-    "Parser": "process.entry_point",
-    "StopRequest": "process.entry_point",
-    "enter": "process.entry_point",
-    "exit_code": "process.entry_point",
-    "interrupted_code": "process.entry_point",
-    "is_temporary": "process.files",
-    "read_file": "process.files",
-    "read_scalar": "configuration.strict_yaml",
-    "read_settings": "configuration.strict_yaml",
-    "read_yaml": "configuration.strict_yaml",
-    "replace_file": "process.files",
-    "say": "process.entry_point",
+    "process.entry_point": "Parser StopRequest enter exit_code interrupted_code say",
+    "process.files": "is_temporary read_file replace_file",
+    "configuration.strict_yaml": "read_scalar read_settings read_yaml",
     # pictures that do not depend on the user's settings of matplotlib
-    "default_settings": "process.pictures",
-    "new_figure": "process.pictures",
-    "png": "process.pictures",
-    "set_heading": "process.pictures",
+    "process.pictures": "default_settings new_figure png set_heading",
 }
+_HOMES = {name.partition(":")[0]: f"{module}:{name.rpartition(':')[2]}"
+          for module, names in _NAMES_OF.items() for name in names.split()}
 _OF_THE_LAB = ("attractors", "find_orbit", "follow_orbit", "identify", "lyapunov_spectrum", "settled_motion")
 _GONE = {
     "follow_bifurcation": "follow the branch with vibro_lab.follow_orbit at several values of the second parameter, "
@@ -143,14 +102,12 @@ _GONE = {
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name at its first use: a program that reads bags needs no kernels (65 MB), one that simulates
-    needs no bags.
-    """
+    """Import a public name at its first use: who reads bags needs no kernels (65 MB), who simulates needs no bags."""
     if name == "__version__":
         return import_module("importlib.metadata").version(__name__)
     if name in _HOMES:
-        module, _, inner = _HOMES[name].partition(":")
-        return getattr(import_module(f"{__name__}.{module}"), inner or name)
+        module, _, name_there = _HOMES[name].partition(":")
+        return getattr(import_module(f"{__name__}.{module}"), name_there)
     if name in _OF_THE_LAB:
         raise AttributeError(f"vibro_ros.{name} is vibro_lab.{name} since version 2.0.0; install the package vibro_lab "
                              "(`pip install ./lab` in a clone) and `import vibro_lab`")

@@ -19,7 +19,8 @@ Maker = Callable[[Path], None]
 """Changes the bag folder that it is given; `folder.parent / "outside"` has files that nobody may change."""
 
 LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{two}: &{two} [{', '.join(['*' + one] * 9)}]\n" for one, two in zip("abcdefg", "bcdefgh", strict=True))
+    f"{following}: &{following} [{', '.join(['*' + anchor] * 9)}]\n"
+    for anchor, following in zip("abcdefg", "bcdefgh", strict=True))
 DEEP = "[" * 100_000
 
 
@@ -59,19 +60,19 @@ def cut(seed: int) -> Maker:
     return edited(lambda data: data[:random.Random(seed).randrange(1, len(data))])
 
 
-def without_metadata(then: Maker) -> Maker:
+def without_metadata(change: Maker) -> Maker:
     """Remove metadata.yaml, as in the bag of a killed recorder, and then apply another change."""
     def make(folder: Path) -> None:
         (folder / "metadata.yaml").unlink()
-        then(folder)
+        change(folder)
     return make
 
 
-def torn(then: Maker) -> Maker:
+def torn(change: Maker) -> Maker:
     """Cut the last 100 bytes off the file, and then apply another change."""
     def make(folder: Path) -> None:
         os.truncate(part(folder), part(folder).stat().st_size - 100)
-        then(folder)
+        change(folder)
     return make
 
 
@@ -113,7 +114,7 @@ def spliced(seed: int) -> Maker:
 
 def behind_header(*records: McapRecord | bytes) -> Maker:
     """Put records right behind the header."""
-    inserted = b"".join(one if isinstance(one, bytes) else record_bytes(one) for one in records)
+    inserted = b"".join(record if isinstance(record, bytes) else record_bytes(record) for record in records)
     return edited(lambda data: data[:(at := list(_heads(data))[1])] + inserted + data[at:])
 
 

@@ -26,21 +26,21 @@ def mcap_file(folder: Path) -> Path:
 
 def by_rosbags(folder: Path) -> list[tuple[str, int, bytes]]:
     with Reader(folder) as reader:
-        found = [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()]
-        assert len(found) == reader.message_count == sum(one.msgcount for one in reader.connections)
-    return found
+        messages = [(connection.topic, stamp, bytes(data)) for connection, stamp, data in reader.messages()]
+        assert len(messages) == reader.message_count == sum(connection.msgcount for connection in reader.connections)
+    return messages
 
 
 def by_mcap(folder: Path) -> list[tuple[str, int, bytes]]:
-    found = []
+    messages_of_files = []
     for path in sorted(folder.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2])):
         with path.open("rb") as file:
             reader = make_reader(file, validate_crcs=True)
             messages = [(channel.topic, message.log_time, message.data) for _, channel, message in
                         reader.iter_messages()]
             assert len(messages) == reader.get_summary().statistics.message_count
-        found += messages
-    return found
+        messages_of_files += messages
+    return messages_of_files
 
 
 def torn(folder: Path) -> dict[str, bytes]:

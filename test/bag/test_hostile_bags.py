@@ -62,13 +62,13 @@ def readable(folder: Path) -> int:
 
 def tree(folder: Path) -> dict[str, str]:
     """Return the contents of a folder: by path the digest of a file, or the kind of an entry."""
-    found = {}
+    contents = {}
     for path in sorted(folder.rglob("*")):
         mode = path.lstat().st_mode
-        found[str(path.relative_to(folder))] = (
+        contents[str(path.relative_to(folder))] = (
             sha256(path.read_bytes()).hexdigest() if stat.S_ISREG(mode)
             else os.readlink(path) if stat.S_ISLNK(mode) else oct(mode))
-    return found
+    return contents
 
 
 @pytest.mark.parametrize("storage, name, make", CASES, ids=[f"{storage} {name}" for storage, name, _ in CASES])
@@ -77,12 +77,12 @@ def test_a_hostile_bag_is_read_or_refused(tmp_path, bags, run, storage, name, ma
     (tmp_path / "outside").mkdir()
     (tmp_path / "outside" / "precious").write_bytes(b"precious" * 1000)
     make(tmp_path / "run")
-    before, folder = tree(tmp_path), tmp_path / "run"
+    tree_before, folder = tree(tmp_path), tmp_path / "run"
     run(replay.main, str(folder))
     run(report.main, str(folder), "--output", str(tmp_path / "report"))
     shutil.rmtree(tmp_path / "report", ignore_errors=True)
     messages = readable(folder)
-    assert tree(tmp_path) == before, "a reader wrote"
+    assert tree(tmp_path) == tree_before, "a reader wrote"
     originals = [path.read_bytes() for path in folder.iterdir()
                  if path.suffix == ".mcap" and path.is_file() and not path.is_symlink()]
     code, _ = run(recover.main, str(folder))
@@ -91,16 +91,16 @@ def test_a_hostile_bag_is_read_or_refused(tmp_path, bags, run, storage, name, ma
     assert not (code and name.startswith("link as ")), "a link kept a recording from being sealed"
     run(replay.main, str(folder))
     outside = {path: digest for path, digest in tree(tmp_path).items() if path.startswith("outside")}
-    assert outside == {path: digest for path, digest in before.items() if path.startswith("outside")}
+    assert outside == {path: digest for path, digest in tree_before.items() if path.startswith("outside")}
     assert readable(folder) >= (messages if code else max(messages, 0))
     files = [path.read_bytes() for path in folder.iterdir() if path.is_file() and not path.is_symlink()]
     for data in originals:  # cut bytes are kept beside the file
-        kept = max(_common(data, one) for one in files)
-        assert kept == len(data) or any(one.startswith(data[kept:]) or data[:kept + len(one)].endswith(one)
-                                        and kept + len(one) >= len(data) for one in files) or any(
-            data.endswith(one) and _common(data, other) >= len(data) - len(one) for one in files for other in files)
+        kept = max(_common(data, file) for file in files)
+        assert kept == len(data) or any(file.startswith(data[kept:]) or data[:kept + len(file)].endswith(file)
+                                        and kept + len(file) >= len(data) for file in files) or any(
+            data.endswith(file) and _common(data, other) >= len(data) - len(file) for file in files for other in files)
 
 
-def _common(one: bytes, other: bytes) -> int:
+def _common(data: bytes, other: bytes) -> int:
     """Return the number of equal bytes at the beginning."""
-    return len(os.path.commonprefix([one, other]))
+    return len(os.path.commonprefix([data, other]))

@@ -43,7 +43,7 @@ def bag(run):
 
 
 def test_times_are_recorded_stamps_from_the_first_message(bag, start_ns):
-    assert {name: (one.type_name, one.messages) for name, one in bag.topics.items()} == {
+    assert {name: (topic.type_name, topic.messages) for name, topic in bag.topics.items()} == {
         f"/{name}": (type_name, N) for name, type_name in TYPES.items()}
     assert bag.metadata == {"scene": "device", "written": str(4 * N), "dropped": "0", "lost": "0"}
     assert bag.start_ns == start_ns
@@ -116,8 +116,9 @@ def test_every_topic_is_a_table_of_pandas(mixed):
     for topic, arrays in mixed.items():
         for name, array in arrays.items():
             of_table = tables[topic].reset_index()
-            found = of_table[[one for one in of_table if one == name or array.ndim == 2 and one.startswith(f"{name}.")]]
-            np.testing.assert_array_equal(found.to_numpy().reshape(array.shape), array)
+            columns = of_table[[column for column in of_table
+                                if column == name or array.ndim == 2 and column.startswith(f"{name}.")]]
+            np.testing.assert_array_equal(columns.to_numpy().reshape(array.shape), array)
 
 
 def test_an_array_is_found_by_the_name_of_its_column(mixed):
@@ -152,7 +153,7 @@ def test_joints_of_several_publishers_have_instants_of_their_own(tmp_path, start
     def message(**joints):
         made = new_message(TYPES["joint_states"])
         made.name = list(joints)
-        made.position, made.velocity = ([one[k] for one in joints.values() if k < len(one)] for k in (0, 1))
+        made.position, made.velocity = ([numbers[k] for numbers in joints.values() if k < len(numbers)] for k in (0, 1))
         return serialised(made, TYPES["joint_states"])
 
     rows = [message(wheel=[9.0]), message(a=[0.1], b=[0.2]), message(b=[1.2, 1.3], a=[1.1, 1.4]), message(c=[2.3]),
@@ -200,12 +201,12 @@ def test_a_bag_that_is_not_sealed_is_read_at_once_and_left_as_it_is(unsealed):
     folder, sent = unsealed()
     with mcap_file(folder).open("ab") as file:
         file.write(b"torn")
-    before = content(folder)
+    content_before = content(folder)
     with pytest.warns(BagWarning, match="it is not sealed, because its recorder still runs or was killed; its last 4 "
                       "bytes are torn and not read; `recover` seals it for other programs"):
         bag = read_bag(folder)
     np.testing.assert_array_equal(bag["motor_power"]["value"], np.arange(len(sent)) * 0.25)
-    assert bag.metadata == {"scene": "device"} and content(folder) == before
+    assert bag.metadata == {"scene": "device"} and content(folder) == content_before
 
 
 @pytest.mark.parametrize(("how", "reason"), [
@@ -242,8 +243,8 @@ def test_a_message_that_is_none_is_named_and_the_rest_is_read(tmp_path, publishe
 
 def test_chosen_columns_alone_are_read(run, bag):
     chosen = read_bag(run, {"odom": ["position"], "joint_states": ["*.position"], "motor_power": []})
-    found = {topic: set(arrays) for topic, arrays in chosen.items()}
-    assert found == {"/odom": {"time", "position"}, "/motor_power": {"time"},
+    names = {topic: set(arrays) for topic, arrays in chosen.items()}
+    assert names == {"/odom": {"time", "position"}, "/motor_power": {"time"},
                      "/joint_states": {"time", "crank.position", "upper_mass.position"}}
     for topic, arrays in chosen.items():
         for name, column in arrays.items():

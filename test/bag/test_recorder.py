@@ -42,7 +42,8 @@ def test_rosbags_and_mcap_read_every_message_byte_for_byte_in_order(sealed, sent
 
 def test_bag_keeps_types_qos_and_what_the_recorder_says_of_itself(sealed):
     with Reader(sealed) as reader:
-        offered = {one.topic: (one.msgtype, one.ext.offered_qos_profiles[0]) for one in reader.connections}
+        offered = {connection.topic: (connection.msgtype, connection.ext.offered_qos_profiles[0])
+                   for connection in reader.connections}
         assert {topic: (kind, qos.depth) for topic, (kind, qos) in offered.items()} == {
             topic.name: (topic.type_name, topic.qos_depth) for topic in TOPICS}
         assert {qos.reliability for _, qos in offered.values()} == {QosReliability.RELIABLE}
@@ -87,14 +88,14 @@ def test_a_full_queue_drops_and_counts_and_takes_inputs_when_it_drops_others(fol
 
 
 def test_close_is_idempotent_ends_the_thread_and_ends_writing(folder, published):
-    before = threading.active_count()
+    threads_before = threading.active_count()
     recorder = Recorder(folder, POWER, METADATA)
     recorder.write("/motor_power", 1, published["/motor_power"](1))
     recorder.close()
     sealed = mcap_file(folder).read_bytes()
     recorder.close()
     assert not recorder.write("/motor_power", 2, published["/motor_power"](2))
-    assert threading.active_count() == before
+    assert threading.active_count() == threads_before
     assert (recorder.written, recorder.dropped, recorder.fault) == (1, 1, None)
     assert mcap_file(folder).read_bytes() == sealed
 

@@ -1,14 +1,18 @@
-"""`recover`: killed, torn and damaged bags are sealed, the part that is cut off is kept, and a folder that is no bag is
-not changed.
+"""`recover`: killed, torn and damaged bags are sealed, the part that is cut off is kept, a folder that is no bag is not
+changed; and a recovery that is killed at any step can be repeated.
 """
 
 import contextlib
 import errno
+import itertools
 import os
 import random
+import shutil
+import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -76,11 +80,11 @@ def test_a_killed_recorder_loses_the_last_moments_only(tmp_path, attempt):
     with contextlib.suppress(BagError):
         recover(folder)
     assert (folder / "metadata.yaml").exists(), (after, sorted(folder.iterdir()))
-    found = by_rosbags(folder)
-    assert by_mcap(folder) == found
-    power = [int.from_bytes(data[4:], "little") for topic, _, data in found if topic == "/motor_power"]
-    odom = [stamp for topic, stamp, _ in found if topic == "/odom"]
-    assert power == [stamp for topic, stamp, _ in found if topic == "/motor_power"]
+    messages = by_rosbags(folder)
+    assert by_mcap(folder) == messages
+    power = [int.from_bytes(data[4:], "little") for topic, _, data in messages if topic == "/motor_power"]
+    odom = [stamp for topic, stamp, _ in messages if topic == "/odom"]
+    assert power == [stamp for topic, stamp, _ in messages if topic == "/motor_power"]
     assert len(odom) - len(power) in (0, 1)
     # the last may be there although the child could not say so any more
     assert power[:len(written)] == written[:len(power)]
@@ -158,14 +162,14 @@ def test_a_file_without_indexes_is_sealed(tmp_path, recorded, chunked):
 
 
 def test_several_bags_are_sealed_at_once_and_by_their_files(unsealed, capsys):
-    one, two = unsealed(name="one")[0], unsealed(name="two")[0]
-    (file,) = two.glob("*.mcap")
-    assert unsealed_bags(one.parent) == [one, two]
-    assert executable.main([str(one), str(file)]) == 0
+    first, second = unsealed(name="one")[0], unsealed(name="two")[0]
+    (file,) = second.glob("*.mcap")
+    assert unsealed_bags(first.parent) == [first, second]
+    assert executable.main([str(first), str(file)]) == 0
     told = capsys.readouterr().out.splitlines()
-    assert told[0] == f"{one}: sealed, 60 messages, the last of 2025-11-21 04:40:00.295 UTC; no bytes lost"
-    assert told[1].startswith(f"{two}: sealed, 60 messages")
-    assert unsealed_bags(one.parent) == []
+    assert told[0] == f"{first}: sealed, 60 messages, the last of 2025-11-21 04:40:00.295 UTC; no bytes lost"
+    assert told[1].startswith(f"{second}: sealed, 60 messages")
+    assert unsealed_bags(first.parent) == []
 
 
 @pytest.mark.parametrize("tail", [b"\6", b"\0" * 5000, b"\6" + (2**63).to_bytes(8, "little"), -1, -100, -1400])
@@ -194,7 +198,7 @@ def test_what_goes_wrong_meanwhile_is_no_damage(unsealed, monkeypatch, error, wh
     (path,) = folder.glob("*.mcap")
     with path.open("ab") as file:
         file.write(b"torn")
-    before = content(folder)
+    content_before = content(folder)
 
     def fail(*_):
         raise error
@@ -202,7 +206,7 @@ def test_what_goes_wrong_meanwhile_is_no_damage(unsealed, monkeypatch, error, wh
         patch.setattr(f"vibro_ros.{where}", fail)
         with pytest.raises(KeyboardInterrupt if isinstance(error, KeyboardInterrupt) else BagError):
             recover(folder)
-    assert content(folder) == before
+    assert content(folder) == content_before
     recover(folder)
     assert by_rosbags(folder) == sent
 
@@ -221,12 +225,12 @@ def test_a_sealed_file_that_is_damaged_is_left_as_it_is_and_read_without_the_dam
             recorder.write("/motor_power", i, i.to_bytes(2, "little") * 6)
             wait_until(lambda i=i: i != 19 or recorder.written == 20, "the recorder")
     flip(folder)
-    before = content(folder)
+    content_before = content(folder)
     assert executable.main([str(folder)]) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert first.endswith("sealed already, 20 messages; nothing to do")
     assert "damaged bytes are not read: a chunk has another checksum than it says at byte" in second
-    assert content(folder) == before
+    assert content(folder) == content_before
 
 
 def test_a_bag_of_which_nothing_can_be_read_is_left_as_it_is(tmp_path, published):
@@ -234,20 +238,20 @@ def test_a_bag_of_which_nothing_can_be_read_is_left_as_it_is(tmp_path, published
     with Recorder(folder, POWER, {}) as recorder:
         recorder.write("/motor_power", 1, (30).to_bytes(2, "little") * 6)
     flip(folder)
-    before = content(folder)
+    content_before = content(folder)
     with pytest.raises(BagError, match="nothing in it can be read: run_0.mcap: .* another checksum than it says"):
         recover(folder)
-    assert content(folder) == before
+    assert content(folder) == content_before
 
 
 def test_a_recovery_without_room_leaves_all_that_was_there(unsealed):
     folder, sent = unsealed()
     (path,) = folder.glob("*.mcap")
-    before = path.read_bytes()
-    with no_file_larger_than(len(before) // 2), pytest.raises(
+    data_before = path.read_bytes()
+    with no_file_larger_than(len(data_before) // 2), pytest.raises(
             BagError, match="cannot be sealed: File too large; nothing readable was lost"):
         recover(folder)
-    assert path.read_bytes() == before
+    assert path.read_bytes() == data_before
     recover(folder)
     assert by_rosbags(folder) == sent
 
@@ -275,8 +279,8 @@ def test_folders_that_are_not_ones_own_are_passed_over(unsealed, tmp_path, monke
             raise PermissionError(errno.EACCES, "Permission denied")
         return scandir(path)
     monkeypatch.setattr(os, "scandir", refuse)
-    found = {path.name for path in unsealed_bags(tmp_path)}
-    assert found == {"run", "new\nline", os.fsdecode(b"\xff\xfe")}
+    names = {path.name for path in unsealed_bags(tmp_path)}
+    assert names == {"run", "new\nline", os.fsdecode(b"\xff\xfe")}
     assert unsealed_bags(tmp_path / "of another") == []
 
 
@@ -294,11 +298,11 @@ def test_a_bag_in_use_is_left_alone(tmp_path, published):
     with Recorder(tmp_path / "run", POWER, {}) as recorder:
         recorder.write("/motor_power", 1, published["/motor_power"](1))
         wait_until(lambda: recorder.written == 1, "the recorder")
-        before = content(tmp_path / "run")
+        content_before = content(tmp_path / "run")
         with pytest.raises(BagError, match="the bag is in use, its recorder still runs; end the recorder"):
             recover(tmp_path / "run")
         assert unsealed_bags(tmp_path) == []
-        assert content(tmp_path / "run") == before
+        assert content(tmp_path / "run") == content_before
 
 
 @pytest.mark.parametrize("name, data, reason", [
@@ -328,3 +332,45 @@ def test_a_missing_folder_and_a_foreign_file_are_refused(tmp_path, capsys):
     assert third.endswith("not a bag, it holds no .mcap file; give the folder of a recording")
     assert first.endswith("none: no such folder; give the folder of a recording")
     assert second.endswith("notes.txt: a file, not a bag; give the folder of a recording")
+
+
+CALLS = ("write", "ftruncate", "posix_fallocate", "fsync", "unlink", "rename", "replace", "link", "rmdir", "mkdir")
+
+
+def counted(call: Callable, number: Iterator[int], last: int) -> Callable:
+    """Return a call that kills the process when it is the call number `last`."""
+    def count(*words, **more):
+        return os.kill(os.getpid(), signal.SIGKILL) if next(number) == last else call(*words, **more)
+    return count
+
+
+def killed_before(folder: Path, step: int) -> bool:
+    """Recover a bag in a fork that is killed before its call number `step` that changes a file; return whether it had
+    fewer such calls."""
+    if pid := os.fork():
+        return os.waitpid(pid, 0)[1] == 0
+    try:
+        number = itertools.count()
+        for name in CALLS:
+            setattr(os, name, counted(getattr(os, name), number, step))
+        recover(folder)
+        os._exit(0)
+    finally:
+        os._exit(1)  # it must not go on as its parent
+
+
+def test_a_recovery_killed_before_any_of_its_steps_can_be_repeated(tmp_path, unsealed):
+    good, sent = unsealed(samples=3000, name="good")
+    with mcap_file(good).open("ab") as file:  # half a chunk
+        file.write(b"\6" + (5000).to_bytes(8, "little") + bytes(1000))
+    for step in range(100):
+        folder = tmp_path / "run"
+        shutil.copytree(good, folder)
+        done = killed_before(folder, step)
+        recover(folder)
+        assert by_rosbags(folder) == sent, f"killed before step {step}"
+        shutil.rmtree(folder)
+        if done:
+            assert step > 3
+            return
+    pytest.fail("a recovery of more than a hundred steps")

@@ -97,20 +97,20 @@ def test_an_empty_bag_is_not_from_the_far_future(tmp_path):
     BagWriter(tmp_path / "run", TOPICS, {}, Storage()).close({})
     with Reader(tmp_path / "run") as reader:
         assert (reader.message_count, reader.duration) == (0, 0)
-        assert [one.topic for one in reader.connections] == ["/odom", "/motor_power"]
+        assert [connection.topic for connection in reader.connections] == ["/odom", "/motor_power"]
 
 
 def test_metadata_are_those_of_rosbag2_in_jazzy(tmp_path, published, start_ns):
     folder = tmp_path / "run"
     sent = write(folder, Storage(max_duration=1.0), published, start_ns)
-    found = metadata(folder)
-    assert (found["version"], found["storage_identifier"], found["ros_distro"]) == (9, "mcap", "jazzy")
-    assert found["starting_time"] == {"nanoseconds_since_epoch": start_ns}
-    assert found["duration"] == {"nanoseconds": 399 * PERIOD}
-    assert found["message_count"] == len(sent) == 800
-    assert (found["compression_format"], found["compression_mode"]) == ("", "")  # a chunk's is not the bag's
-    assert found["custom_data"] == {"scene": "device", "written": "800"}
-    odom = found["topics_with_message_count"][0]
+    about = metadata(folder)
+    assert (about["version"], about["storage_identifier"], about["ros_distro"]) == (9, "mcap", "jazzy")
+    assert about["starting_time"] == {"nanoseconds_since_epoch": start_ns}
+    assert about["duration"] == {"nanoseconds": 399 * PERIOD}
+    assert about["message_count"] == len(sent) == 800
+    assert (about["compression_format"], about["compression_mode"]) == ("", "")  # a chunk's is not the bag's
+    assert about["custom_data"] == {"scene": "device", "written": "800"}
+    odom = about["topics_with_message_count"][0]
     assert odom["message_count"] == 400
     assert odom["topic_metadata"]["type_description_hash"] == jazzy_types().hash_rihs01("nav_msgs/msg/Odometry")
     [qos] = odom["topic_metadata"]["offered_qos_profiles"]
@@ -143,14 +143,15 @@ def test_each_file_begins_with_what_is_said_once_for_all(tmp_path, published, st
     folder, said = tmp_path / "run", published["/motor_power"](7)
     topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 1, True)]
     with Recorder(folder, topics, {}, storage=SPLITS["size"]) as recorder:
-        recorder.latch([("/motor_power", said)])
+        recorder.announce({}, [("/motor_power", said)])
         for i in range(400):
             recorder.write("/odom", start_ns + i * PERIOD, published["/odom"](i))
     files = [folder / file["path"] for file in metadata(folder)["files"]]
     assert len(files) > 1
     messages = by_rosbags(folder)
     firsts = [file["starting_time"]["nanoseconds_since_epoch"] for file in metadata(folder)["files"]]
-    assert [one for one in messages if one[0] == "/motor_power"] == [("/motor_power", first, said) for first in firsts]
+    assert [message for message in messages if message[0] == "/motor_power"] == [
+        ("/motor_power", first, said) for first in firsts]
     assert [stamp for topic, stamp, _ in messages if topic == "/odom"] == [start_ns + i * PERIOD for i in range(400)]
     assert (recorder.written, recorder.dropped, recorder.lost) == (400 + len(files), 0, 0)
 
@@ -193,7 +194,7 @@ def test_what_becomes_known_later_is_known_of_a_killed_and_of_a_sealed_bag(tmp_p
 
 def test_a_recorder_describes_before_the_messages_that_follow(tmp_path):
     with Recorder(tmp_path / "run", POWER, {"start": "1"}) as recorder:
-        recorder.describe({"start": "5"})
+        recorder.announce({"start": "5"}, [])
         assert recorder.write("/motor_power", 7, bytes(12))
     data = next((tmp_path / "run").glob("*.mcap")).read_bytes()
     assert BagStream(tmp_path / "run").metadata["start"] == "5"

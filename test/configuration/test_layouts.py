@@ -40,8 +40,8 @@ def parts(document: object) -> Iterator[dict]:
     """Yield every mapping of a document, at any depth."""
     if isinstance(document, dict):
         yield document
-    for one in document.values() if isinstance(document, dict) else document if isinstance(document, list) else ():
-        yield from parts(one)
+    for entry in document.values() if isinstance(document, dict) else document if isinstance(document, list) else ():
+        yield from parts(entry)
 
 
 def foxglove() -> dict:
@@ -63,7 +63,7 @@ def test_rviz_shows_topics_of_the_types_that_its_displays_take():
 
 
 def test_foxglove_plots_numbers_and_shows_the_robot():
-    paths = [one["value"] for part in parts(foxglove()) for one in part.get("paths", ())]
+    paths = [path["value"] for part in parts(foxglove()) for path in part.get("paths", ())]
     assert len(paths) > 10
     for path in paths:
         topic, *fields = path.split(".")
@@ -75,8 +75,8 @@ def test_foxglove_plots_numbers_and_shows_the_robot():
 
 def test_foxglove_calls_joints_what_they_are():
     joints = joints_of(load_scene("device"))
-    labels = {int(index): one["label"].split()[0] for part in parts(foxglove()) for one in part.get("paths", ())
-              for index in re.findall(r"position\[(\d+)\]", one["value"])}
+    labels = {int(index): path["label"].split()[0] for part in parts(foxglove()) for path in part.get("paths", ())
+              for index in re.findall(r"position\[(\d+)\]", path["value"])}
     assert labels == {index: joints[index] for index in range(1, len(joints))}
 
 

@@ -1,4 +1,4 @@
-"""Sections of ROS parameter files; that rcl reads the same from them is tested in test/ros/test_parameter_roads.py."""
+"""Sections of ROS parameter files; that rcl reads the same from them is tested in test/ros/test_parameters.py."""
 
 import pytest
 

@@ -33,9 +33,9 @@ def test_checkout_uses_its_own_config(tmp_path, installed_at):
     installed_at("checkout")
     make_config(tmp_path)
     (tmp_path / "checkout" / "package.xml").touch()
-    own = tmp_path / "checkout" / "config"
-    own.mkdir()
-    assert scene_file.config_folder() == own
+    config = tmp_path / "checkout" / "config"
+    config.mkdir()
+    assert scene_file.config_folder() == config
 
 
 @pytest.mark.parametrize("folder", ["lib/python3.12/site-packages", "local/lib/python3.12/dist-packages"])

@@ -22,8 +22,8 @@ CASES = [(force, number) for force in GROUND_FORCES for number in NUMBERS[force.
 @pytest.mark.parametrize(("force", "number"), CASES, ids=[f"{force.symbol} {number}" for force, number in CASES])
 def test_no_state_begins_twice_at_one_instant_and_energy_balances(monkeypatch, name, force, number):
     """A56. At the end of a stick the body is at rest to rounding, whatever held it."""
-    monkeypatch.setattr(parameter_values, "GROUND_FORCES", (*(one for one in GROUND_FORCES if (
-        one.parameter != force.parameter)), force))
+    monkeypatch.setattr(parameter_values, "GROUND_FORCES", (*(other for other in GROUND_FORCES if (
+        other.parameter != force.parameter)), force))
     scene = vibro_ros.load_scene(name).with_parameters({
         "motor.speed": 100.0, "solver.accounts": True, force.parameter: number})
     assert f"{force.symbol} = " in scene.describe()

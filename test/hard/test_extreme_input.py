@@ -18,7 +18,8 @@ from vibro_ros.model.tables import compile_scene
 from vibro_ros.solver.equations import RATE_LIMIT
 
 PAPER, DEVICE = vibro_ros.load_scene("paper"), vibro_ros.load_scene("device")
-NUMBERS = [one for one in SCENE_PARAMETERS if isinstance(one.default, float) and not one.name.startswith("solver.")]
+NUMBERS = [parameter for parameter in SCENE_PARAMETERS
+           if isinstance(parameter.default, float) and not parameter.name.startswith("solver.")]
 TINY = [5e-324, 1e-321, 3.3e-318, 1e-310, 2.3e-308, 1e-306, 4e-200, 9.9e-31]
 
 
@@ -37,10 +38,10 @@ TINY = [5e-324, 1e-321, 3.3e-318, 1e-310, 2.3e-308, 1e-306, 4e-200, 9.9e-31]
 def test_a_refused_request_changes_nothing(request_, message):
     device = vibro_ros.Simulator(vibro_ros.load_scene("unilateral"))
     device.advance_to(0.03)
-    before = device.checkpoint().tobytes()
+    checkpoint = device.checkpoint().tobytes()
     with pytest.raises(ValueError, match=rf"^[^\n]*{re.escape(message)}[^\n]*$"):
         request_(device)
-    assert device.checkpoint().tobytes() == before
+    assert device.checkpoint().tobytes() == checkpoint
 
 
 @pytest.mark.parametrize(("run", "message"), [
@@ -103,9 +104,9 @@ def test_a_guide_that_hardly_leans_has_no_limit_of_friction():
     assert device.state.body_position == 0.0
 
 
-def equal(one, other):
+def equal(state, other):
     """Whether two states are the same to the last bit, signs of zeros included."""
-    return all(value.hex() == getattr(other, name).hex() for name, value in vars(one).items())
+    return all(value.hex() == getattr(other, name).hex() for name, value in vars(state).items())
 
 
 @pytest.mark.parametrize(("name", "motor"), [("paper", "ideal"), ("rigid", "ramp"), ("device", "lag")])
@@ -169,7 +170,8 @@ def _scene(random):
     values["motor.speed"] = min(values["motor.speed"], values["motor.max_speed"])
     values["motor.static_friction"] = max(values["motor.static_friction"], values["motor.friction"])
     if values["effects.motor"] == "dc":  # of which nearly all extremes are refused
-        values |= {one.name: one.default for one in NUMBERS if one.name.startswith("motor.") and random.random() < 0.9}
+        values |= {parameter.name: parameter.default for parameter in NUMBERS
+                   if parameter.name.startswith("motor.") and random.random() < 0.9}
     values["motor.voltage"] = min(values["motor.voltage"], values["motor.supply_voltage"])
     values["ground.static_friction"] = max(values["ground.static_friction"], values["ground.friction"])
     for side, rod in zip(("upper", "inclined"), rods, strict=True):

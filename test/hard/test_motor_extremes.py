@@ -101,11 +101,11 @@ def test_an_hour_at_motor_speed_zero_changes_no_bit(name):
     scene = vibro_ros.load_scene(name).with_parameters({
         "motor.speed": 0.0, "inclined.gap": 0.03, "upper.gap": 0.0 if name == "rigid" else 0.03})
     device = vibro_ros.Simulator(scene)
-    before = device.state
+    state_before = device.state
     device.advance_to(3600.0)
     after = device.state
-    for field in vars(before):
+    for field in vars(state_before):
         if field != "time":
-            assert getattr(after, field) == getattr(before, field), field
+            assert getattr(after, field) == getattr(state_before, field), field
     assert len(device.take_events()) == 0
     assert device.statistics["steps"] < 250_000  # 2 / 112 s each

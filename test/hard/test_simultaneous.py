@@ -110,8 +110,8 @@ def test_contact_and_stick_in_the_same_instant(reaction, rule, friction, kind):
                                times=np.linspace(0.0, stop + 0.004, 50))
             for lead in (0.0, 1e-15, -1e-15, 1e-14, -1e-14, 1e-13, -1e-13)]
     for run in runs:
-        found = run.events["time"][run.events["kind"] == "upper_contact"]
-        assert found[0] == pytest.approx(stop, abs=2e-13)
+        contacts = run.events["time"][run.events["kind"] == "upper_contact"]
+        assert contacts[0] == pytest.approx(stop, abs=2e-13)
     assert_runs_agree(runs, 1e-12)  # 1e-13 s at up to 10 m/s
 
 
@@ -152,10 +152,10 @@ def test_the_normal_force_passes_zero_in_contact(stiffness):
     depth = 1.18 * 9.81 / 0.1 / both**2  # beyond the balance, where u'' = -M g / m2
     unloaded = (lag + math.asin(depth / size)) / both
     loaded = (lag + math.pi - math.asin(depth / size)) / both
-    found = {kind: run.events["time"][run.events["kind"] == kind][0] for kind in ("unloaded", "loaded")}
+    instants = {kind: run.events["time"][run.events["kind"] == kind][0] for kind in ("unloaded", "loaded")}
     # instants of 0.013 s rounded, and a place of 0.06 m rounded to 7e-18 m at some m/s
-    assert found["unloaded"] - contact["time"] == pytest.approx(unloaded, abs=1e-16)
-    assert found["loaded"] - contact["time"] == pytest.approx(loaded, abs=1e-16)
+    assert instants["unloaded"] - contact["time"] == pytest.approx(unloaded, abs=1e-16)
+    assert instants["loaded"] - contact["time"] == pytest.approx(loaded, abs=1e-16)
     assert np.abs(run.body_position).max() < 1e-18  # nothing pushes it along the ground
 
 

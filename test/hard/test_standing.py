@@ -30,9 +30,9 @@ def settled_device(scene, seconds=12.0):
 def test_masses_pressed_on_compliant_plates_take_few_segments(name, changes):
     pressed = {"upper.gap": -0.02, "inclined.gap": -0.02}  # wherever the crank stops
     device = settled_device(vibro_ros.load_scene(name).with_parameters(pressed | changes))
-    before, state = device.statistics["steps"], device.state
+    steps_before, state = device.statistics["steps"], device.state
     device.advance_to(22.0)
-    assert device.statistics["steps"] - before <= 10 * 50  # in 10 s; those that move take thousands a second
+    assert device.statistics["steps"] - steps_before <= 10 * 50  # in 10 s; those that move take thousands a second
     assert device.state.upper_velocity == device.state.inclined_velocity == 0.0
     assert device.state.upper_position == state.upper_position
     assert device.state.body_position == state.body_position
@@ -71,11 +71,11 @@ def test_held_masses_answer_a_command_as_those_that_have_just_settled(command):
     ways = []
     for stood in (8.0, 60.0):
         device = settled_device(vibro_ros.load_scene("device"), stood)
-        before = device.state
+        state_before = device.state
         device.command(**command)
         device.advance_to(stood + 0.25)
         after = device.state
-        ways.append([after.body_position - before.body_position, after.upper_position, after.inclined_position])
+        ways.append([after.body_position - state_before.body_position, after.upper_position, after.inclined_position])
     assert ways[0] != [0.0] * 3
     np.testing.assert_allclose(ways[0], ways[1], atol=1e-12, rtol=0.0)
 

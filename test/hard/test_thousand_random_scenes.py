@@ -111,7 +111,7 @@ def sampled_run(scene, commands, end):
 def traits(scene, rows, events):
     """Return the traits of a scene and its run: which effects it has, and which events occurred."""
     choices = {name: value for name, value in scene.parameters.items() if name.startswith("effects.")}
-    found = {f"{name} {value}" for name, value in choices.items()} | set(events["kind"].tolist())
+    effects = {f"{name} {value}" for name, value in choices.items()} | set(events["kind"].tolist())
     rigid = [side for side in scene.plates if choices[f"effects.{side}_contact"] == "restitution"]
     rubs, moves = rows["friction_force"] != 0.0, rows["body_velocity"] != 0.0
     happened = {
@@ -121,7 +121,7 @@ def traits(scene, rows, events):
         f"slips by {choices['effects.normal_force']}": (rubs & moves).any(),
         "in the air": rows["body_height"].any(),
     }
-    return found | {name for name, true in happened.items() if true}
+    return effects | {name for name, true in happened.items() if true}
 
 
 def check_coverage(seen):

@@ -44,5 +44,5 @@ def test_what_is_not_finite_is_no_command_and_no_fault():
     ({"name": ("crank", "elbow"), "velocity": (1.0,) * 3}, {}, "velocity: 3 numbers for 2 names"),
     ({"name": ("crank", "upper_plate", "crank"), "velocity": (1.0, 2.0)}, {}, "'crank' is named 2 times; name each")])
 def test_what_means_nothing_is_said_and_leaves_the_rest(message: dict, commands: dict, words: str):
-    found, faults = commands_of_message(**message)
-    assert found == commands and words in faults[0]
+    understood, faults = commands_of_message(**message)
+    assert understood == commands and words in faults[0]

@@ -87,12 +87,12 @@ def test_rods_of_the_urdf_stand_as_tf_has_them_while_the_crank_is_at_0(scene):
 
 def test_a_prefix_begins_every_frame(scene):
     moving, fixed = transforms(state_at(0.5), scene, "r1/")
-    plain = [one for some in transforms(state_at(0.5), scene) for one in some]
-    assert [(one.header.frame_id, one.child_frame_id) for one in (*moving, *fixed)] == [
-        (f"r1/{one.header.frame_id}", f"r1/{one.child_frame_id}") for one in plain]
+    plain = [transform for some in transforms(state_at(0.5), scene) for transform in some]
+    assert [(transform.header.frame_id, transform.child_frame_id) for transform in (*moving, *fixed)] == [
+        (f"r1/{transform.header.frame_id}", f"r1/{transform.child_frame_id}") for transform in plain]
 
 
 def test_the_base_alone_is_one_transform(scene):
     moving, fixed = transforms(state_at(1.0), scene, "", ONLY_BASE)
-    assert [(one.header.frame_id, one.child_frame_id) for one in moving] == [("odom", "base_link")]
+    assert [(transform.header.frame_id, transform.child_frame_id) for transform in moving] == [("odom", "base_link")]
     assert fixed == []

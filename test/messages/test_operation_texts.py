@@ -50,10 +50,10 @@ def test_a_text_that_tells_none_is_refused_in_few_words(text: str):
     'fault {"fault": "sensor_dropout", "duration": 1.0, "of": "imu", "value": 0.0, "from_x": 0.0, "to_x": 0.0}'])
 def test_an_operation_that_no_robot_performed_changes_nothing(text: str):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
-    before = device.scene, device.state, device.disturbances
+    device_before = device.scene, device.state, device.disturbances
     with pytest.raises(ValueError, match="give|choose|does not have"):
         perform(read_operation(text), device)
-    assert (device.scene, device.state, device.disturbances) == before
+    assert (device.scene, device.state, device.disturbances) == device_before
 
 
 @pytest.mark.parametrize("text", ["pause", "resume", "step 3", 'set {"rate.real_time_factor": 3.0}', "set {}",
@@ -62,6 +62,6 @@ def test_an_operation_that_no_robot_performed_changes_nothing(text: str):
 def test_what_only_the_wall_clock_knows_leaves_the_device_alone(text: str):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0}))
     device.advance_to(0.1)
-    before = device.checkpoint().tolist()
+    checkpoint = device.checkpoint().tolist()
     perform(read_operation(text), device)
-    assert device.checkpoint().tolist() == before
+    assert device.checkpoint().tolist() == checkpoint

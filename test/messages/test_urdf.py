@@ -75,11 +75,11 @@ def test_joints_that_states_move_are_those_of_joint_states(scene):
 
 
 def test_masses_are_the_scenes_and_inertias_are_those_of_bodies(scene):
-    found = list(inertias(Kinematics(robot_description(scene))))
-    assert {name: mass for name, mass, _ in found} == {
+    bodies = list(inertias(Kinematics(robot_description(scene))))
+    assert {name: mass for name, mass, _ in bodies} == {
         "body": scene["mass.body"], **{f"{side}_mass": scene[f"mass.{side}"] for side in scene.guides}}
-    assert math.isclose(sum(mass for _, mass, _ in found), scene.total_mass, rel_tol=1e-12)
-    for name, _, inertia in found:
+    assert math.isclose(sum(mass for _, mass, _ in bodies), scene.total_mass, rel_tol=1e-12)
+    for name, _, inertia in bodies:
         moments = np.linalg.eigvalsh(inertia)
         assert moments[0] > 0.0, name
         assert moments[2] < moments[0] + moments[1], f"{name}: no body has such moments"

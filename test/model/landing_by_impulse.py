@@ -28,9 +28,9 @@ def struck(inertia, speed, fall, friction, static, restitution):
         if velocity[1] < 0.0:
             steps.append(-velocity[1] / change[1])
         step = min(steps)
-        before, velocity, given = velocity, velocity + step * change, given + step
+        velocity_before, velocity, given = velocity, velocity + step * change, given + step
         if direction and velocity[0] * direction <= 1e-15 * abs(speed):
             velocity[0] = 0.0
-        if before[1] < 0.0 <= velocity[1] + 1e-15 * fall:
+        if velocity_before[1] < 0.0 <= velocity[1] + 1e-15 * fall:
             velocity[1], end = 0.0, (1.0 + restitution) * given
     return velocity

@@ -150,12 +150,12 @@ def test_a_coefficient_of_zero_gives_the_bits_of_no_friction(name, law):
     smooth = scene.with_parameters({"effects.friction": law, "ground.friction": 0.0, "ground.static_friction": 0.0})
     without = scene.with_parameters({"effects.friction": "none"})
     assert smooth.describe() == without.describe()
-    found, expected = (vibro_ros.simulate(one, duration=1.0, rate=1000.0) for one in (smooth, without))
+    smooth_run, expected = (vibro_ros.simulate(scene, duration=1.0, rate=1000.0) for scene in (smooth, without))
     assert len(expected.events) > 20 and np.abs(expected.body_velocity).max() > 0.1
     for field in dataclasses.fields(expected):
         if field.name != "statistics":
-            np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name), field.name)
-    assert {**found.statistics, "wall_time": 0.0} == {**expected.statistics, "wall_time": 0.0}
+            np.testing.assert_array_equal(getattr(smooth_run, field.name), getattr(expected, field.name), field.name)
+    assert {**smooth_run.statistics, "wall_time": 0.0} == {**expected.statistics, "wall_time": 0.0}
 
 
 def test_a_static_coefficient_alone_is_friction():

@@ -1,4 +1,5 @@
-"""One mass against its plate: known answers A7 to A10, plates from soft to hardly compressible, and overdamped ones.
+"""One mass against its plate: known answers A7 to A10, plates from soft to rigid, and overdamped
+ones.
 
 Mostly the mass of 0.1 kg floats at 0.08 m (no drive spring, motor stopped), and its plate comes down on it, so that no
 other force acts.
@@ -184,3 +185,36 @@ def test_a_plate_that_closes_onto_a_moving_mass(phase, kind, restitution):
     assert device.state.upper_velocity == pytest.approx(-restitution * approach - plate, abs=2e-3)
     # the plate's work among it; 3e6 N times a penetration rounded to 1e-17 m, and 5 J rounded
     assert_balanced(device, 1e-11, rounding=1e-14)
+
+
+RIGID = vibro_ros.load_scene("rigid")
+
+
+def test_a_plate_that_moves_takes_its_mass_along_and_lets_it_go():
+    device = vibro_ros.Simulator(RIGID.with_parameters({"motor.speed": 0.0}))
+    device.advance_to(0.1)
+    device.command(upper_gap=-0.002)
+    device.advance_to(0.3)
+    assert device.state.upper_velocity == -0.005
+    assert device.state.upper_position == pytest.approx(0.06 - 0.2 * 0.005, abs=1e-15)
+    device.advance_to(1.0)
+    assert device.state.upper_velocity == 0.0
+    assert device.state.upper_position == pytest.approx(0.058, abs=1e-15)
+    device.command(upper_gap=0.03)
+    device.advance_to(8.0)
+    assert device.state.upper_plate_force == 0.0
+    assert abs(device.state.upper_position - 0.08) < 0.01  # swings about its slider at rest
+
+
+def test_a_contact_that_its_plate_ends_by_moving_is_reported():
+    """By a command and by the end of the plate's way: each rest once, up to the instant of the change of speed."""
+    device = vibro_ros.Simulator(RIGID.with_parameters({"motor.speed": 0.0}))
+    device.advance_to(0.1)
+    device.command(upper_gap=-0.002)  # 0.4 s of motion inwards, the mass before the plate
+    device.advance_to(1.0)
+    device.command(upper_gap=0.03)
+    device.advance_to(1.1)
+    events = device.take_events()
+    rests = events[(events["kind"] == "upper_contact") & (events["duration"] > 0.01)]
+    np.testing.assert_allclose(rests["time"] + rests["duration"], [0.1, 0.5, 1.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rests["time"], [0.0, 0.1, 0.5], rtol=0, atol=1e-3)  # after the bounces of the new blow

@@ -53,8 +53,8 @@ def trajectory(scene, piece):
             device.advance_to(began + index * piece)
             events.append(device.take_events())
             if count % 50 == 0:
-                before, device = device, new_device(scene)
-                device.restore(before.checkpoint())
+                predecessor, device = device, new_device(scene)
+                device.restore(predecessor.checkpoint())
         device.advance_to(instant)
         states.append(dataclasses.astuple(device.state))
         if instant == FAULTS:
@@ -68,7 +68,7 @@ def trajectory(scene, piece):
 
 
 @pytest.mark.parametrize(("name", "changes"), [
-    pytest.param(*one, id=key, marks=() if key in QUICK else pytest.mark.process) for key, one in SCENES.items()])
+    pytest.param(*case, id=key, marks=() if key in QUICK else pytest.mark.process) for key, case in SCENES.items()])
 def test_every_cut_of_time_gives_the_same_bits(name, changes):
     """A35, A66, A72. Only commands begin a new segment, so samples do not disturb the motion; nor do they a step's.
     Through 0, a push, every fault and changed parameters, with the filtered acceleration; and the energy balances."""
@@ -77,9 +77,9 @@ def test_every_cut_of_time_gives_the_same_bits(name, changes):
     whole, events, expected = trajectory(scene, np.inf)
     assert np.all(np.isfinite(whole))
     for piece in (1e-3, 0.37e-3, 1e-2, 17e-6 * np.pi):
-        states, found, device = trajectory(scene, piece)
+        states, events_of_pieces, device = trajectory(scene, piece)
         np.testing.assert_array_equal(states, whole, err_msg=f"pieces of {piece} s")
-        assert found.tobytes() == events.tobytes(), f"events in pieces of {piece} s"
+        assert events_of_pieces.tobytes() == events.tobytes(), f"events in pieces of {piece} s"
         if exact:
             assert device.filtered_acceleration() == expected.filtered_acceleration()
             assert device.statistics["energy_accounts"] == expected.statistics["energy_accounts"]
@@ -123,18 +123,3 @@ def test_groups_of_instants_meet_ends_of_disturbances_and_edges_as_all_at_once_d
         assert device.disturbances == {} and samples.body_position.max() > 0.001
         runs.append([*(values.tobytes() for values in vars(samples).values()), accelerations.tobytes()])
     assert runs[0] == runs[1]
-
-
-def test_commands_at_one_instant_act_in_their_order():
-    """A second command at the same time replaces the first, with and without an `advance_to` between them."""
-    finals = []
-    for repeat in (False, True):
-        device = vibro_ros.Simulator(vibro_ros.load_scene("unilateral"))
-        device.advance_to(0.05)
-        if repeat:
-            device.command(motor_speed=50.0, upper_gap=0.001)
-            device.advance_to(0.05)
-        device.command(motor_speed=110.0, upper_gap=0.0002)
-        device.advance_to(0.2)
-        finals.append(dataclasses.astuple(device.state))
-    assert finals[0] == finals[1]

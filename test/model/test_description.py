@@ -145,8 +145,8 @@ def named_states(states: tuple[str, ...], plates: tuple[str, ...]) -> list[tuple
 
 def holds_in(line: str, states: tuple[str, ...], plates: tuple[str, ...]) -> bool:
     """Whether the cases of an equation, after "while" or after a remark, apply to the states of a mode."""
-    found = re.search(r"(?:; where |  while (?!airborne, else))(.*)", line)
-    cases = found[1] if found else ""
+    remark = re.search(r"(?:; where |  while (?!airborne, else))(.*)", line)
+    cases = remark[1] if remark else ""
     now = {name for names in named_states(states, plates) for name in names}
     return not cases or any(set(case.split(" and ")) <= now for case in cases.split(" or "))
 
@@ -206,8 +206,8 @@ def test_described_drives_are_those_of_the_scene(scene):
     forms, angles = compile_scene(scene).forms, np.random.default_rng(3).uniform(-9.0, 9.0, 40)
     for side in forms.guides:
         slider = Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
-        found = formula_value(described[{"upper": "s_B", "inclined": "s_C"}[side]], angles)
-        np.testing.assert_allclose(found, slider.position(angles), rtol=0.0, atol=1e-5 * (slider.radius + slider.rod))
+        places = formula_value(described[{"upper": "s_B", "inclined": "s_C"}[side]], angles)
+        np.testing.assert_allclose(places, slider.position(angles), rtol=0.0, atol=1e-5 * (slider.radius + slider.rod))
     laws = {"E" if side == "upper" else "H": (f"{scene[f'crank.{side}_rod'] + scene[f'{side}.gap']:g} m",
                                               f"at {scene['gap_actuator.speed']:g} m/s") for side in forms.plates}
     if scene.has_rotor:
@@ -229,9 +229,9 @@ def test_equations_of_the_masses_have_the_tables_values(scene):
     values = symbol_values(forms, z)
     for i, side in enumerate(forms.guides):
         symbol = {"upper": "u", "inclined": "w"}[side]
-        own = [line for line in lines if re.match(rf"\S+ {symbol}'' =", line)]
+        equations = [line for line in lines if re.match(rf"\S+ {symbol}'' =", line)]
         for mode, rows in zip(model.modes, model.system.equations, strict=True):
-            [line] = [line for line in own if holds_in(line, mode.states, forms.plates)]
+            [line] = [line for line in equations if holds_in(line, mode.states, forms.plates)]
             mass, _, right = line.partition(f" {symbol}'' = ")
             right = right.partition("  ")[0]
             assert value_of(right, values) == pytest.approx(float(mass) * float(rows[i] @ z), rel=1e-5)

@@ -20,30 +20,30 @@ def errors(made, method, step, end=0.1):
     """Largest errors of the positions [m] over `end` seconds."""
     times = np.linspace(0.0, end, 101)
     exact = vibro_ros.simulate(made, times=times)
-    found = vibro_ros.simulate(made.with_parameters({"solver.method": method, "solver.step": step}), times=times)
-    return np.array([np.abs(getattr(found, name) - getattr(exact, name)).max() for name in POSITIONS])
+    run = vibro_ros.simulate(made.with_parameters({"solver.method": method, "solver.step": step}), times=times)
+    return np.array([np.abs(getattr(run, name) - getattr(exact, name)).max() for name in POSITIONS])
 
 
 def order(made, method, steps):
     """Return the slope of log(error) over log(step) through many steps, for each position."""
-    found = [errors(made, method, step) for step in steps]
-    return np.polyfit(np.log(steps), np.log(found), 1)[0]
+    errors_by_step = [errors(made, method, step) for step in steps]
+    return np.polyfit(np.log(steps), np.log(errors_by_step), 1)[0]
 
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("changes", [{}, {"effects.reaction": True, "effects.mass_weight": True}])
 def test_order_without_events(method, changes):
     """A28. The next power adds a share of a few per cent at these steps."""
-    found = order(scene("unilateral", SMOOTH | changes), method, [2e-3, 1e-3, 5e-4, 2.5e-4])
-    np.testing.assert_allclose(found, 4.0, rtol=0, atol=0.1)
+    orders = order(scene("unilateral", SMOOTH | changes), method, [2e-3, 1e-3, 5e-4, 2.5e-4])
+    np.testing.assert_allclose(orders, 4.0, rtol=0, atol=0.1)
 
 
 @pytest.mark.parametrize("name", ["rigid", "device", "unilateral"])
 def test_order_four_when_events_are_located(name):
     """A28. A contact of 0.3 ms needs steps below 1e-5 s to show the order, rigid plates far longer ones."""
     steps = np.geomspace(2e-3, 5e-4, 5) if name == "rigid" else np.geomspace(1e-5, 2e-6, 8)
-    found = order(scene(name), "rk4_located", steps)
-    assert np.mean(found[:2]) > 3.5, found
+    orders = order(scene(name), "rk4_located", steps)
+    assert np.mean(orders[:2]) > 3.5, orders
 
 
 @pytest.mark.parametrize("name", ["rigid", "device"])
@@ -51,8 +51,8 @@ def test_order_one_when_events_are_crossed_blindly(name):
     """A28. The position of an event within its step scatters the errors by a factor of a few, and therefore the slope
     through 24 steps over two decades by 0.2; a fourth order would be far away.
     """
-    found = order(scene(name), "rk4", np.geomspace(1e-4, 1e-6, 24))
-    assert 0.7 < np.mean(found[:2]) < 1.3, found
+    orders = order(scene(name), "rk4", np.geomspace(1e-4, 1e-6, 24))
+    assert 0.7 < np.mean(orders[:2]) < 1.3, orders
 
 
 @pytest.mark.parametrize("method", METHODS)

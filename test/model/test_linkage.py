@@ -58,7 +58,7 @@ def test_a_shaken_block_on_one_way_wheels(forward):
 def test_momentum_through_every_impact():
     """A58. Without friction M x' − m3 w' sin φ + Σ m e_x s' is constant, of sliders and crank pin."""
     scene = paper(LINKAGE | {"effects.friction": "none", "effects.motor": "lag", "motor.speed": 60.0})
-    device, found = vibro_ros.Simulator(scene), []
+    device, momenta = vibro_ros.Simulator(scene), []
     device.command(motor_speed=120.0)
     angle = scene["guide.angle"]
     for time in np.linspace(0.0, 0.5, 300):
@@ -66,9 +66,9 @@ def test_momentum_through_every_impact():
         now = device.state
         slope = slope_of_slider(scene, now.crank_angle, "inclined")
         pin = -scene["crank.radius"] * math.cos(now.crank_angle) * now.motor_speed
-        found.append(scene.total_mass * now.body_velocity - 0.08 * now.inclined_velocity * math.sin(angle)
+        momenta.append(scene.total_mass * now.body_velocity - 0.08 * now.inclined_velocity * math.sin(angle)
                      - 0.03 * slope * now.motor_speed * math.sin(angle) + 0.01 * pin)
-    assert np.ptp(found) < 1e-12
+    assert np.ptp(momenta) < 1e-12
     assert np.count_nonzero(device.take_events()["kind"] == "inclined_contact") > 5
 
 

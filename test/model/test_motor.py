@@ -74,8 +74,8 @@ def test_a_stalled_motor_draws_what_a_sagging_supply_has():
         device.advance_to(device.time + 0.0125)
         assert device.state.motor_voltage == voltage
         assert device.state.motor_current == pytest.approx(voltage / resistance, rel=1e-14)
-        for one in device.take_measurements():
-            assert one.values == pytest.approx([meter * voltage / resistance, device.supply_voltage], rel=1e-14)
+        for measurement in device.take_measurements():
+            assert measurement.values == pytest.approx([meter * voltage / resistance, device.supply_voltage], rel=1e-14)
     with refused(device, "value: 40 V is above motor.supply_voltage, .*give at most 36 V"):
         device.fail("supply_sag", duration=1.0, value=40.0)
 

@@ -53,28 +53,28 @@ def test_a_blow_is_an_impulse_between_a_mass_and_its_plate(rule, side, body_spee
     machine = scene({"effects.normal_force": rule if held else "hop", "motor.speed": motor_speed})
     state = {"motor_speed": motor_speed, "body_velocity": body_speed, f"{side}_position": PLATE,
              f"{side}_velocity": 1.3}
-    before = np.array([body_speed, 0.0, 0.0, 0.0, motor_speed])
+    speeds_before = np.array([body_speed, 0.0, 0.0, 0.0, motor_speed])
     if rule == "airborne":
         state |= {"body_height": 0.01, "body_vertical_velocity": 0.2}
-        before[1] = 0.2
+        speeds_before[1] = 0.2
     i, matrix = COORDINATES[side], mass_matrix(machine, ANGLE)
-    before[i] = 1.3
+    speeds_before[i] = 1.3
     rows = np.eye(5)[[i, 1] if held else [i]]
     change = [-(1.0 + machine[f"{side}.plate.restitution"]) * 1.3, 0.0][:len(rows)]
     whole = np.block([[matrix, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
-    expected = before + np.linalg.solve(whole, [0.0] * 5 + change)[:5]
-    found, kinds, accounts = shaken(machine, **state)
-    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+    expected = speeds_before + np.linalg.solve(whole, [0.0] * 5 + change)[:5]
+    speeds_after, kinds, accounts = shaken(machine, **state)
+    np.testing.assert_allclose(speeds_after, expected, rtol=1e-13, atol=1e-13)
     assert f"{side}_contact" in kinds
-    lost = (before @ matrix @ before - expected @ matrix @ expected) / 2.0
+    lost = (speeds_before @ matrix @ speeds_before - expected @ matrix @ expected) / 2.0
     assert accounts["blows"] == pytest.approx(lost, abs=1e-14) and abs(accounts["residual"]) < 1e-14
-    assert found[4] != motor_speed or (held and side == "upper")
+    assert speeds_after[4] != motor_speed or (held and side == "upper")
 
 
 def test_an_elastic_blow_keeps_the_energy():
-    found, _, accounts = shaken(scene({"upper.plate.restitution": 1.0}), motor_speed=40.0, upper_position=PLATE,
+    speeds_after, _, accounts = shaken(scene({"upper.plate.restitution": 1.0}), motor_speed=40.0, upper_position=PLATE,
                                 upper_velocity=1.0)
-    assert abs(found[4] - 40.0) > 0.5 and accounts["blows"] == pytest.approx(0.0, abs=1e-14)
+    assert abs(speeds_after[4] - 40.0) > 0.5 and accounts["blows"] == pytest.approx(0.0, abs=1e-14)
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
@@ -88,12 +88,12 @@ def test_a_landing_strikes_the_crank(motor_speed, friction, restitution):
     coefficients = machine.kinetic_frictions if machine.has_dry_friction else (0.0, 0.0)
     for angle, speed in itertools.product((ANGLE, 2.5, 5.0), (-2.0, -0.05, -1e-3, 0.0, 1e-3, 0.05, 2.0)):
         inverse = np.linalg.inv(mass_matrix(machine, angle))
-        before = np.array([speed, -0.5, 0.0, 0.0, motor_speed])
+        speeds_before = np.array([speed, -0.5, 0.0, 0.0, motor_speed])
         after = struck(np.linalg.inv(inverse[:2, :2]), speed, 0.5, coefficients, coefficients, restitution)
-        impulse = np.linalg.solve(inverse[:2, :2], after - before[:2])
-        found, kinds, accounts = shaken(machine, crank_angle=angle, motor_speed=motor_speed, body_velocity=speed,
+        impulse = np.linalg.solve(inverse[:2, :2], after - speeds_before[:2])
+        speeds_after, kinds, accounts = shaken(machine, crank_angle=angle, motor_speed=motor_speed, body_velocity=speed,
                                         body_vertical_velocity=-0.5)
-        np.testing.assert_allclose(found, before + inverse[:, :2] @ impulse, rtol=1e-13, atol=1e-14)
+        np.testing.assert_allclose(speeds_after, speeds_before + inverse[:, :2] @ impulse, rtol=1e-13, atol=1e-14)
         assert "landing" in kinds and abs(accounts["residual"]) < 1e-14
 
 

@@ -84,19 +84,20 @@ ALL = OF_EFFECTS | {"signal_table", "_longest_segments", "_compile_machine", "ch
     ("device", "guide.angle", OF_EFFECTS), ("device", "upper.spring.damping", OF_EFFECTS | {"signal_table"}),
     ("damped", "ground.friction", OF_EFFECTS | {"signal_table", "_longest_segments"}),
     ("machine", "motor.supply_voltage", OF_EFFECTS | {"signal_table", "_longest_segments"}),
-    ("device", "motor.max_speed", ALL), ("device", "motor.supply_voltage", ALL)])
+    ("device", "motor.max_speed", ALL), ("device", "motor.supply_voltage", ALL), ("paper", "motor.speed", ALL),
+    ("device", "gap_actuator.speed", ALL)])
 def test_a_sweep_makes_only_what_its_parameter_touches(name, parameter, kept):
     forget()
     scene = vibro_ros.load_scene(name)
     vibro_ros.Simulator(scene)
-    before = misses()
-    assert kept <= before.keys()
+    misses_before = misses()
+    assert kept <= misses_before.keys()
     for k in range(1, 6):
         vibro_ros.Simulator(scene.with_parameters({parameter: scene[parameter] * (1.0 - 0.01 * k)}))
     after = misses()
-    assert {function for function in kept if after[function] != before[function]} == set()
+    assert {function for function in kept if after[function] != misses_before[function]} == set()
     made = {"_compile_machine", "check_machine"} - kept
-    assert all(after[function] == before[function] + 5 for function in made)
+    assert all(after[function] == misses_before[function] + 5 for function in made)
 
 
 @pytest.mark.parametrize("changes", [
@@ -107,9 +108,9 @@ def test_what_was_compiled_before_changes_no_bit(changes):
     """The previously compiled scene has other effects, or forms that vanish or coincide, so that it has other guards
     and rows.
     """
-    before = vibro_ros.load_scene("device").with_parameters({"effects.normal_force": "unilateral"})
-    scene = before.with_parameters(changes)
-    tables(before)
+    earlier_scene = vibro_ros.load_scene("device").with_parameters({"effects.normal_force": "unilateral"})
+    scene = earlier_scene.with_parameters(changes)
+    tables(earlier_scene)
     after_another = tables(scene)
     forget()
     assert after_another == tables(scene)

@@ -42,9 +42,9 @@ def test_a_blow_changes_every_speed_as_the_mass_matrix_asks(changes):
     """A20. In 2 ns forces of some 100 N change a mass of 80 g by 3e-6 m/s, which is all the difference there is."""
     scene = RIGID.with_parameters(changes)
     inverse = np.linalg.inv(mass_matrix(scene))
-    hits, sides, (before, after) = blows(scene, 2.0)
+    hits, sides, (speeds_before, after) = blows(scene, 2.0)
     assert set(sides) == {"upper", "inclined"} and len(hits) > 30
-    for hit, side, old, new in zip(hits, sides, before, after, strict=True):
+    for hit, side, old, new in zip(hits, sides, speeds_before, after, strict=True):
         i, restitution = COORDINATES[side], scene[f"{side}.plate.restitution"]
         impulse = (1.0 + restitution) * hit["speed"] / inverse[i, i]
         np.testing.assert_allclose(new - old, -impulse * inverse[:, i], rtol=0, atol=1e-5)
@@ -54,12 +54,12 @@ def test_a_blow_changes_every_speed_as_the_mass_matrix_asks(changes):
 def test_a_mass_at_rest_on_the_other_plate_parts_from_a_body_that_is_thrown_up():
     """The mass keeps its speed in space, so after the other mass's blow it is slower than its plate by e . dV."""
     scene = RIGID.with_parameters(RESTING | {"upper.gap": 0.004})
-    hits, sides, (before, after) = blows(scene, 2.0)
-    found = [(old, new) for side, old, new in zip(sides, before, after, strict=True)
+    hits, sides, (speeds_before, after) = blows(scene, 2.0)
+    parted = [(old, new) for side, old, new in zip(sides, speeds_before, after, strict=True)
              if side == "upper" and old[3] == 0.0]
-    assert len(found) > 3
+    assert len(parted) > 3
     across, up = -math.sin(scene["guide.angle"]), math.cos(scene["guide.angle"])
-    for old, new in found:
+    for old, new in parted:
         assert new[3] == pytest.approx(-(across * (new - old)[0] + up * (new - old)[1]), abs=1e-5)
         assert new[3] < -1e-3
 

@@ -60,7 +60,8 @@ def said_after(process: subprocess.Popen, patience: float = PATIENCE) -> tuple[i
 def test_every_console_script_enters_by_it():
     scripts = [script for script in entry_points(group="console_scripts")
                if script.value.startswith("vibro_ros.")]
-    assert {script.name for script in scripts} == {name for name, one in EXECUTABLES.items() if one.installed}
+    assert {script.name for script in scripts} == {
+        name for name, executable in EXECUTABLES.items() if executable.installed}
     for script in scripts:
         assert script.value == f"vibro_ros.process.entry_point:{script.name}"
         entrance = script.load()
@@ -128,24 +129,18 @@ def test_a_second_signal_ends_a_program_that_swallows_the_first(start):
     assert said_after(process, PROMPT) == (143, "", "planted: stopped\n")
 
 
-REQUEST = ("with entry_point.StopRequest() as stop:", "    {before}", f"    {READY}", "    while {condition}:",
+REQUEST = ("with entry_point.StopRequest() as stop:", "    {held}", f"    {READY}", "    while {condition}:",
            "        time.sleep(0.01)", "    print('asked', flush=True)", "    time.sleep({rest})", "return 7")
 
 
-def requested(start: Start, before: str = "pass", condition: str = "not stop", rest: float = 0.0) -> subprocess.Popen:
-    return planted_executable(start, *(line.format(before=before, condition=condition, rest=rest) for line in REQUEST))
-
-
-def test_a_request_is_polled(start):
-    process = requested(start)
-    process.send_signal(signal.SIGHUP)
-    assert said_after(process, PROMPT) == (7, "asked\n", "")
+def requested(start: Start, held: str = "pass", condition: str = "not stop", rest: float = 0.0) -> subprocess.Popen:
+    return planted_executable(start, *(line.format(held=held, condition=condition, rest=rest) for line in REQUEST))
 
 
 def test_a_signal_that_a_finaliser_swallowed_before_is_a_request(start):
     finaliser = f"lambda _: ({READY}, time.sleep(600))"
     process = planted_executable(start, f"type('Dying', (), {{'__del__': {finaliser}}})()", *(
-        line.format(before="pass", condition="not stop", rest=0.0) for line in REQUEST))
+        line.format(held="pass", condition="not stop", rest=0.0) for line in REQUEST))
     process.send_signal(signal.SIGINT)
     code, said, ignored = said_after(process, PROMPT)
     assert (code, said) == (7, "ready\nasked\n") and "Exception ignored" in ignored
@@ -160,7 +155,7 @@ def test_a_second_signal_ends_a_start_that_does_not_poll(start):
 
 
 def test_what_is_held_open_is_closed_whatever_comes(start):
-    process = requested(start, before="stop.hold()", rest=0.5)
+    process = requested(start, held="stop.hold()", rest=0.5)
     process.send_signal(signal.SIGINT)
     assert process.stdout.readline() == "asked\n"
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -20,9 +20,9 @@ def bag(known_run):
 
 def panels(figure):
     """Return the axes of the whole run and of the moment, by the label of the row."""
-    own = [axes for axes in figure.axes if not axes.get_ylabel().endswith("[%]")]
-    assert [one.get_ylabel() for one in own[::2]] == [one.get_ylabel() for one in own[1::2]]
-    return {left.get_ylabel(): (left, right) for left, right in zip(own[::2], own[1::2], strict=True)}
+    plotted = [axes for axes in figure.axes if not axes.get_ylabel().endswith("[%]")]
+    assert [axes.get_ylabel() for axes in plotted[::2]] == [axes.get_ylabel() for axes in plotted[1::2]]
+    return {left.get_ylabel(): (left, right) for left, right in zip(plotted[::2], plotted[1::2], strict=True)}
 
 
 @pytest.fixture(scope="module")

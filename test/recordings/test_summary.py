@@ -36,9 +36,9 @@ def test_every_number_of_a_known_recording(summary):
     # 2 W + 1 W/s · t over 4 s; the mean over samples, some of them missing early, is above 4 W
     assert summary["mean_power"] == exactly(4.0, rel=1e-9)
     for topic in ("/odom", "/joint_states", "/ground_contact", "/motor_power"):
-        found = summary["topics"][topic]
-        assert (found["messages"], found["gaps"]) == (801 - 39, 1)
-        assert (found["period"], found["largest_gap"]) == (exactly(0.005, rel=1e-9), exactly(0.2, rel=1e-9))
+        statistics = summary["topics"][topic]
+        assert (statistics["messages"], statistics["gaps"]) == (801 - 39, 1)
+        assert (statistics["period"], statistics["largest_gap"]) == (exactly(0.005, rel=1e-9), exactly(0.2, rel=1e-9))
 
 
 @pytest.mark.parametrize(("missing", "gaps"), [(1, 0), (2, 1)])
@@ -125,7 +125,7 @@ def test_a_replay_with_changes_prints_what_differs_and_nothing_else(tmp_path, ca
     assert head.split() == ["recorded", "replayed", "difference"] and written == str(tmp_path / "run_replay")
     assert rows[0].split() == ["ground.friction", "0.2", "0.0"]
     numbers = {name: [float(word) for word in words] for name, *words in (re.split(" {2,}", row) for row in rows[1:])}
-    moved = [vibro_ros.read_bag(one)["odom"]["position.x"] for one in (folder, written)]
+    moved = [vibro_ros.read_bag(path)["odom"]["position.x"] for path in (folder, written)]
     expected = [x[-1] - x[0] for x in moved]
     assert numbers["displacement [m]"] == pytest.approx([*expected, expected[1] - expected[0]], rel=1e-5)
-    assert all(before != after for before, after, _ in numbers.values()) and "crank turns" not in numbers
+    assert all(recorded != replayed for recorded, replayed, _ in numbers.values()) and "crank turns" not in numbers

@@ -170,10 +170,10 @@ def record(folder: Path, scene: vibro_ros.Scene) -> Path:
 def cases() -> dict[str, Callable[[], Iterator[bytes]]]:
     """Return functions that yield the bytes of each case, by the case's name."""
     scenes = {name: vibro_ros.load_scene(name) for name in shipped_scenes()}
-    found: dict[str, Callable[[], Iterator[bytes]]] = {}
+    functions: dict[str, Callable[[], Iterator[bytes]]] = {}
 
     def add(name: str, function: Callable, *arguments: object) -> None:
-        found[name] = lambda: function(*arguments)
+        functions[name] = lambda: function(*arguments)
 
     booked = {"solver.accounts": True}
     for name, scene in scenes.items():
@@ -200,7 +200,7 @@ def cases() -> dict[str, Callable[[], Iterator[bytes]]]:
         add(f"recording/{of}", _recording, sensed)
     for seed in range(RANDOM_SCENES):
         add(f"random/{seed}", _random, seed)
-    return found
+    return functions
 
 
 def _by(scene: vibro_ros.Scene, method: str, booked: dict | None = None) -> vibro_ros.Scene:

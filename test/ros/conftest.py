@@ -12,7 +12,7 @@ from page_visitor import PageVisitor
 from random_run import FASTER, record_run
 from real_processes import Executable, bench, refusal, start, udp_only
 from simulation_types import require_types
-from simulator_user import Simulator
+from simulator_user import SimulationClient
 from std_srvs.srv import SetBool
 from visitor import address_of
 
@@ -77,9 +77,9 @@ def types() -> SimpleNamespace:
 
 
 @pytest.fixture
-def simulator(types, start, bench) -> Iterator[Simulator]:
+def simulator(types, start, bench) -> Iterator[SimulationClient]:
     """A program that uses simulation_interfaces, with its robot as `robot`."""
-    simulator = Simulator(bench, types)
+    simulator = SimulationClient(bench, types)
     simulator.robot = start("robot")
     simulator.wait()
     yield simulator

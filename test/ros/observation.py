@@ -76,9 +76,9 @@ class Listener:
         """Receive `count` samples in addition to those already queued, which were published before the call."""
         idle, patience = 0, time.monotonic() + 5.0  # a busy machine is never idle beside 1000 samples a second
         while idle < 3 and time.monotonic() < patience:  # one of the three may hear diagnostics
-            before = len(self.stamps)
+            samples_before = len(self.stamps)
             self.bench.spin_once()
-            idle = idle + 1 if len(self.stamps) == before else 0
+            idle = idle + 1 if len(self.stamps) == samples_before else 0
         until = len(self.stamps) + count
         self.bench.spin_until(lambda: len(self.stamps) >= until, f"{count} samples")
 

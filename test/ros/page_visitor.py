@@ -33,19 +33,19 @@ class PageVisitor:
         self._asked += 1
         id = self._asked
         self._visit.send({"id": id, **request})
-        return self.wait(lambda: next((one for one in list(self.texts) if one.get("id") == id), None), f"{request}")
+        return self.wait(lambda: next((text for text in list(self.texts) if text.get("id") == id), None), f"{request}")
 
     def last(self, *kinds: str) -> dict:
         """Return the last text frame of these kinds, or None."""
-        return next((one for one in reversed(list(self.texts)) if one["kind"] in kinds), {})
+        return next((text for text in reversed(list(self.texts)) if text["kind"] in kinds), {})
 
     def wait(self, what: Callable[[], object], words: str, patience: float = PATIENCE):
         """Wait until the result of `what` is true, and return it."""
         deadline = time.monotonic() + patience
-        while not (found := what()):
+        while not (result := what()):
             assert time.monotonic() < deadline, f"{words}: not within {patience} s; last: {self.texts[-3:]}"
             time.sleep(0.01)
-        return found
+        return result
 
     def wait_for_robot(self, **fields: object) -> dict:
         """Wait until the last status frame is `robot`, with an origin and these fields, and return it."""

@@ -34,14 +34,14 @@ def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) 
 
 
 def record_run(start, bench, folder: Path, *parameters: str, seconds: float = SECONDS, end=signal.SIGINT, names=(),
-               topics: dict[str, str] = MappingProxyType({}), then=None) -> Path:
+               topics: dict[str, str] = MappingProxyType({}), afterwards=None) -> Path:
     """Record a robot that is commanded at random, and return its bag."""
     words = [word for parameter in (f"record.directory:={folder}", *parameters) for word in ("-p", parameter)]
     robot = start("robot", "--ros-args", *words, *names)
     robot.wait_for("ready")
     command_at_random(bench, seconds, len(parameters), topics)
-    if then:
-        then(bench)
+    if afterwards:
+        afterwards(bench)
         command_at_random(bench, seconds, 1 + len(parameters), topics)
     robot.send(end)
     assert robot.end() == (0 if end == signal.SIGINT else -end), robot.text

@@ -29,7 +29,7 @@ class State(IntEnum):
     STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD, LOADING_WORLD = range(6)
 
 
-class Simulator:
+class SimulationClient:
     """A client that knows the robot only as a simulator of simulation_interfaces."""
 
     def __init__(self, bench, types):
@@ -78,9 +78,9 @@ class Simulator:
         answer.
         """
         listener.spin_for_samples(0)
-        before = len(listener.stamps)
+        samples_before = len(listener.stamps)
         future = self.begin("StepSimulation", steps=MOST_STEPS)
-        self.bench.spin_until(lambda: len(listener.stamps) > before + STILL_ON_THE_WAY, "steps")
+        self.bench.spin_until(lambda: len(listener.stamps) > samples_before + STILL_ON_THE_WAY, "steps")
         return future
 
     def send(self, steps: int):

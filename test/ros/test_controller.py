@@ -16,7 +16,7 @@ FIRST_NODE = Path(__file__).resolve().parents[2] / "examples" / "first_node.py"
 COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 
 
-class Listener:
+class CommandListener:
     """A subscriber to the commands, as a robot has, that keeps their values."""
 
     def __init__(self, bench):
@@ -38,7 +38,7 @@ class Listener:
 
 
 def test_it_plays_a_script_to_the_end(start, bench, tmp_path):
-    listener = Listener(bench)
+    listener = CommandListener(bench)
     script = write(tmp_path, """
 entries:
   - {for: 0.2, motor_speed: {from: 0.0, to: 10.0}, upper_gap: 0.001, note: faster}
@@ -75,10 +75,10 @@ def test_two_robots_that_hear_the_commands_stop_it(start, tmp_path):
     playing.wait_for("entry 1")
     start(*robot, "__node:=twin")
     late = start("controller", script)
-    for one in (playing, late):
-        assert one.end() == 1
-        assert one.lines[-1].startswith("controller: 2 robots hear /motor_speed: /")
-        assert "Traceback" not in one.text
+    for program in (playing, late):
+        assert program.end() == 1
+        assert program.lines[-1].startswith("controller: 2 robots hear /motor_speed: /")
+        assert "Traceback" not in program.text
     assert "aborted: /motor_speed 0 rad/s" in playing.text
 
 
@@ -129,7 +129,7 @@ entries:
 def test_each_end_of_a_script_says_what_becomes_of_the_motor(start, bench, tmp_path):
     """The ends are the end of the file, a goal without odometry, an operator who aborts, and a robot that disappears.
     """
-    listener = Listener(bench)
+    listener = CommandListener(bench)
     speeds = listener.heard["motor_speed"]
     controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 9.0}]\n"))
     listener.spin_until_ended(controller)

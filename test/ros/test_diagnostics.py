@@ -91,7 +91,7 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
     stop(robot)
     assert "because the computer did not let the robot run in time; " in robot.wait_for("stalled: ")
     stamps = stamps_of(bags(tmp_path)[0])
-    assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {5_000_000}  # [ns]
+    assert {after - stamp for stamp, after in zip(stamps, stamps[1:], strict=False)} == {5_000_000}  # [ns]
 
 
 def test_a_clock_that_was_set_is_named_and_a_pause_beside_it(domain_id, monkeypatch):

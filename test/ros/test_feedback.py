@@ -11,7 +11,7 @@ import vibro_ros
 from vibro_ros.ros.controller.feedback import MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
 
 RAMP = {"effects.motor": "ramp", "motor.speed": 0.0}  # as the shipped device has it
-BEFORE = [(0.0, 0.0), (40.0, 0.7), (75.0, 1.3), (110.0, 2.1)]  # motor speeds [rad/s] and times [s] before the goal
+TURNS = [(0.0, 0.0), (40.0, 0.7), (75.0, 1.3), (110.0, 2.1)]  # motor speeds [rad/s] and times [s] before the goal
 
 
 def scene(name: str):
@@ -19,11 +19,11 @@ def scene(name: str):
 
 
 def pursue(scene: vibro_ros.Scene, goal: Goal, duration: float, reach: float = -0.06,
-           before: tuple[float, float] = (0.0, 0.0),
+           turn: tuple[float, float] = (0.0, 0.0),
            heard: Callable[[int, float], Samples] = lambda *sample: (sample,)) -> Trial:
-    """Turn the motor at `before[0]` [rad/s] for `before[1]` [s], then pursue the goal."""
+    """Turn the motor at `turn[0]` [rad/s] for `turn[1]` [s], then pursue the goal."""
     trial = Trial(scene, heard)
-    trial.turn(*before)
+    trial.turn(*turn)
     trial.pursue(goal, duration, reach)
     return trial
 
@@ -36,12 +36,12 @@ def go_to(position: float, within: float = 0.005) -> PositionGoal:
     return PositionGoal(position, within, MOTOR_RANGE)
 
 
-@pytest.mark.parametrize(("name", "speed", "before"), [
-    ("device", -0.01, BEFORE[0]), ("device", -0.06, BEFORE[3]), ("damped", -0.06, BEFORE[0]),
-    ("damped", -0.01, BEFORE[3])], ids=str)
-def test_a_mean_speed_is_held(name, speed, before):
+@pytest.mark.parametrize(("name", "speed", "turn"), [
+    ("device", -0.01, TURNS[0]), ("device", -0.06, TURNS[3]), ("damped", -0.06, TURNS[0]),
+    ("damped", -0.01, TURNS[3])], ids=str)
+def test_a_mean_speed_is_held(name, speed, turn):
     """The device's own mean speed over the second half counts, not the controller's estimate."""
-    trial = pursue(scene(name), hold(speed), 10.0, before=before)
+    trial = pursue(scene(name), hold(speed), 10.0, turn=turn)
     # the tolerance, and what the ends of whole turns differ by
     assert trial.mean_speed == pytest.approx(speed, abs=0.006)
     assert 0.0 <= min(trial.commands) <= max(trial.commands) <= 100.0
@@ -49,12 +49,12 @@ def test_a_mean_speed_is_held(name, speed, before):
     assert any(words.startswith("settled after ") for words in trial.words)
 
 
-@pytest.mark.parametrize(("name", "way", "within", "before"), [
-    ("device", 0.01, 0.005, BEFORE[1]), ("device", 0.5, 0.001, BEFORE[3]), ("damped", 0.5, 0.001, BEFORE[1]),
-    ("damped", 0.01, 0.005, BEFORE[3])], ids=str)
-def test_a_position_is_reached_and_stood_at(name, way, within, before):
+@pytest.mark.parametrize(("name", "way", "within", "turn"), [
+    ("device", 0.01, 0.005, TURNS[1]), ("device", 0.5, 0.001, TURNS[3]), ("damped", 0.5, 0.001, TURNS[1]),
+    ("damped", 0.01, 0.005, TURNS[3])], ids=str)
+def test_a_position_is_reached_and_stood_at(name, way, within, turn):
     target = -0.2 - way  # what comes before makes up to 0.13 m
-    trial = pursue(scene(name), go_to(target, within), 40.0, before=before)
+    trial = pursue(scene(name), go_to(target, within), 40.0, turn=turn)
     position = trial.device.state.body_position
     assert abs(position - target) <= within
     assert trial.commands[-1] == 0.0
@@ -114,9 +114,9 @@ def test_a_motor_that_is_held_too_slow_is_named():
 def test_a_robot_that_goes_on_by_itself_is_named():
     """Without damping the masses keep swinging while the motor stands, and the body crawls on."""
     with pytest.raises(GoalError, match="the motor was at 0 rad/s for .* the robot goes no slower"):
-        pursue(scene("unilateral"), hold(-0.01), 10.0, before=(100.0, 2.0))
+        pursue(scene("unilateral"), hold(-0.01), 10.0, turn=(100.0, 2.0))
     with pytest.raises(GoalError, match=r"-0\.3 m was passed by 0\.00"):
-        pursue(scene("unilateral"), go_to(-0.3), 30.0, before=(100.0, 2.0))
+        pursue(scene("unilateral"), go_to(-0.3), 30.0, turn=(100.0, 2.0))
 
 
 def test_a_robot_that_does_not_move_is_given_more_and_then_up():

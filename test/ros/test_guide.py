@@ -40,8 +40,8 @@ def documented_topics() -> dict[str, tuple[str, str]]:
             for name, direction, kind, _, content in rows if "`clock.publish` only" not in content}
 
 
-def names_by_node(found) -> dict[str, str]:
-    told = {name.lstrip("/"): kind for name, [kind] in found}
+def names_by_node(names_and_kinds) -> dict[str, str]:
+    told = {name.lstrip("/"): kind for name, [kind] in names_and_kinds}
     return {name: kind for name, kind in told.items()
             if name.removeprefix(f"{NODE}/") not in OF_RCLPY | SERVICES_OF_RCLPY and OF_ACTIONS not in name}
 
@@ -60,7 +60,7 @@ def documented_controls() -> dict[str, dict[str, str]]:
 def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_robot(start, bench):
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false", *parameters(()))
     robot.wait_for("ready:")
-    topics = {name: one for name, one in documented_topics().items()
+    topics = {name: topic for name, topic in documented_topics().items()
               if name not in (*OF_DC_MOTOR, *SENSOR_TOPICS.values())}
     told = {way: {name: kind for name, (direction, kind) in topics.items() if direction == way}
             for way in ("in", "out")}
@@ -87,12 +87,12 @@ def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_rob
     except AssertionError:
         assert seen() == documented
     for name in [*told["out"], *told["in"]]:
-        own = [*bench.node.get_publishers_info_by_topic(f"/{name}"),
+        endpoints = [*bench.node.get_publishers_info_by_topic(f"/{name}"),
                *bench.node.get_subscriptions_info_by_topic(f"/{name}")]
-        found = [one.qos_profile.reliability for one in own if one.node_name == NODE]
+        reliabilities = [endpoint.qos_profile.reliability for endpoint in endpoints if endpoint.node_name == NODE]
         rows = guide.table("topic", "direction", "type", "depth", "content")
         told_so = any(f"`{name}`" in row[0] and "best effort" in row[4] for row in rows)
-        assert found == [ReliabilityPolicy.BEST_EFFORT if told_so else ReliabilityPolicy.RELIABLE], name
+        assert reliabilities == [ReliabilityPolicy.BEST_EFFORT if told_so else ReliabilityPolicy.RELIABLE], name
     names = answer_of(bench, ListParameters, f"/{NODE}/list_parameters").result.names
     given = own_parameters(dict.fromkeys(names))
     rows = guide.first_column("name", "default", "unit", "allowed", "meaning")
@@ -102,7 +102,8 @@ def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_rob
     latest = {"odom": None, "joint_states": None, "ground_contact": None, "impacts": set()}
     for name, kind in (("odom", Odometry), ("joint_states", JointState), ("ground_contact", WrenchStamped)):
         bench.node.create_subscription(kind, name, lambda message, name=name: latest.update({name: message}), 10)
-    bench.node.create_subscription(WrenchStamped, "impacts", lambda one: latest["impacts"].add(one.header.frame_id), 10)
+    bench.node.create_subscription(WrenchStamped, "impacts",
+                                   lambda message: latest["impacts"].add(message.header.frame_id), 10)
     bench.spin_until(lambda: all(latest.values()) and len(latest["impacts"]) == 2, "a message of each topic")
     stop(robot)
     assert latest["joint_states"].name == guide.first_column("joint", "position", "velocity", "effort")
@@ -121,7 +122,7 @@ def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(star
         robot = start("robot", "--ros-args", *parameters(words))
         robot.wait_for("ready:")
         for status, keys in seen.items():
-            _, values = listener.wait_for_status(status, lambda one: bool(one.values))
+            _, values = listener.wait_for_status(status, lambda part: bool(part.values))
             if "rate.real_time_factor:=0.0" in words:
                 assert not [key for key in values if key.startswith("lateness")]
             keys |= set(values)

@@ -178,18 +178,18 @@ def test_every_request_is_answered_every_refusal_counted_and_every_sample_finite
     robot.wait_for("ready")
     clients, chance = request.getfixturevalue("clients"), random.Random(7)
     latest: dict[str, list[float]] = {}
-    bench.node.create_subscription(Odometry, "odom", lambda one: latest.update(
-        body=[one.pose.pose.position.x, one.pose.pose.position.z, one.twist.twist.linear.x]), 10)
-    bench.node.create_subscription(JointState, "joint_states", lambda one: latest.update(
-        joints=[*one.position, *one.velocity, *one.effort]), 10)
+    bench.node.create_subscription(Odometry, "odom", lambda message: latest.update(
+        body=[message.pose.pose.position.x, message.pose.pose.position.z, message.twist.twist.linear.x]), 10)
+    bench.node.create_subscription(JointState, "joint_states", lambda message: latest.update(
+        joints=[*message.position, *message.velocity, *message.effort]), 10)
     refusals = 0
     for parameters, reason in (*(([parameter], reason) for parameter, reason in HOSTILE_PARAMETERS.values()),
                                ([HOSTILE_PARAMETERS["simulated time"][0]] * 1200, "1200 names in one request; give")):
-        several, one = ask(bench, [(clients[f"/vibro_robot/{name}"], kind.Request(parameters=parameters))
+        several, atomic = ask(bench, [(clients[f"/vibro_robot/{name}"], kind.Request(parameters=parameters))
                                    for name, kind in (("set_parameters", SetParameters),
                                                       ("set_parameters_atomically", SetParametersAtomically))])
         refusals += 2
-        for answer in (*several.results, one.result):
+        for answer in (*several.results, atomic.result):
             assert not answer.successful and reason in answer.reason and "\n" not in answer.reason
     answer = ask(bench, [(clients["/vibro_robot/list_parameters"], ListParameters.Request())])[0]
     names = [name for name in answer.result.names if name not in UNTOUCHED]

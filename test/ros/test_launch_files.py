@@ -33,9 +33,9 @@ with_launch = pytest.mark.skipif(not importlib.util.find_spec("launch_ros"), rea
 
 @pytest.fixture
 def launch(start, tmp_path):
-    def start_file(name: str, *arguments: str, before=()):
+    def start_file(name: str, *arguments: str, wrapper=()):
         file = str(EXAMPLES / "launch" / f"{name}.launch.py")
-        return start("-c", LAUNCH, file, *arguments, before=["setsid", *before])  # a group, as a shell makes
+        return start("-c", LAUNCH, file, *arguments, wrapper=["setsid", *wrapper])  # a group, as a shell makes
     return start_file
 
 
@@ -82,7 +82,7 @@ def test_lock_step_begins_with_the_script_and_ends_with_it(launch, tmp_path, to_
     script = tmp_path / "short.yaml"
     script.write_text("entries:\n  - {for: 0.5, motor_speed: 50.0}\n  - {for: 0.5, motor_speed: 0.0}\n")
     launched = launch("lock_step", f"script:={script}", "namespace:=r1",
-                      before=["env", f"RCUTILS_LOGGING_USE_STDOUT={to_stdout}"])
+                      wrapper=["env", f"RCUTILS_LOGGING_USE_STDOUT={to_stdout}"])
     assert launched.end() == 0, launched.text
     assert "1.000 s simulated" in launched.text and "has died" not in launched.text
 

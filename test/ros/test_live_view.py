@@ -1,17 +1,37 @@
-"""The live view with real robots: what it shows of them, and what it sends to them."""
+"""The live view: messages of samples and commands of its page, real robots that it shows, strangers who publish
+anything, and its start and end.
+"""
 
+import random
 import re
 import signal
+import socket
+import struct
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from asking import set_parameter
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import WrenchStamped
 from observation import stop
+from rcl_interfaces.msg import Log
+from rclpy.serialization import serialize_message
 from real_processes import CRAWL
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray, MultiArrayDimension, String
+from visitor import address_of
 
 import vibro_ros
+from vibro_ros.messages.codec import jazzy_types
+from vibro_ros.messages.operations import RESET, TIMEOUT, Operation
+from vibro_ros.messages.robot_messages import SAMPLE_LABELS, RobotMessages
+from vibro_ros.messages.topics import SAMPLES, TOPICS
+from vibro_ros.ros.live import view as live_view
+from vibro_ros.ros.live.commands import RETURN_TIMEOUT, PageCommands
+from vibro_ros.ros.live.robot import LONGEST, LONGEST_RUN, SECOND, Runs, read_sample
+from vibro_ros.simulation.samples import FIELDS, TIME
 from vibro_ros.view.protocol import COLUMNS
 
 
@@ -37,7 +57,7 @@ def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, vis
         expected = np.array([row[COLUMNS.index(name)] for row in device_rows])
         assert np.array_equal(column(rows, name), expected), name
     impacts = page.wait(lambda: page.last("impacts"), "impacts")["list"]
-    assert all(one["side"] in ("upper", "inclined") and one["peak_force"] > 0.0 for one in impacts)
+    assert all(impact["side"] in ("upper", "inclined") and impact["peak_force"] > 0.0 for impact in impacts)
     status = page.wait(lambda: page.last("status"), "status")
     assert status["recording"] == "" and 0.0 <= status["dropped_share"] < 1.0 and status["refused"] == 0
     stop(view)
@@ -51,7 +71,7 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     page.wait_for_robot(offers={"reset": True, "step": True, "pause": True, "record": True})
     assert page.ask(command="motor_speed", value=1e6)["done"]
     refusal = "command refused: /motor_speed: 1e+06 is out of range; give a number from -500 to 500 rad/s"
-    page.wait(lambda: any(one["kind"] == "log" and one["words"].startswith(refusal) for one in list(page.texts)),
+    page.wait(lambda: any(text["kind"] == "log" and text["words"].startswith(refusal) for text in list(page.texts)),
               "the refusal")
     assert page.ask(call="step") | {"id": 0} == {"kind": "answer", "id": 0, "done": False,
                                                  "words": "the robot is not paused; call ~/pause with true first"}
@@ -69,10 +89,10 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     assert page.ask(parameter="ground.friction", value=2e3)["words"].startswith("ground.friction: 2000")
     assert page.ask(parameter="ground.friction", value=0.4)["done"]
     late.wait(lambda: late.last("robot")["machine"]["knobs"][-1]["value"] == 0.4, "the floor")
-    before = page.last("robot")
+    robot_before = page.last("robot")
     set_parameter(bench, "motor.max_speed", 150.0)  # by somebody else
     late.wait(lambda: late.last("robot")["machine"]["knobs"][0]["to"] == 150.0, "the new limit")
-    assert late.last("robot")["origin"] == before["origin"]
+    assert late.last("robot")["origin"] == robot_before["origin"]
     assert page.ask(command="motor_speed", value=50.0)["done"]
     late.wait(lambda: late.last("commands")["values"].get("motor_speed") == 50.0, "the command of another page")
     stop(view, number=signal.SIGTERM)
@@ -128,5 +148,255 @@ def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
     page.wait_for_rows(50)  # robot time goes on through a reset
     assert np.allclose(np.diff(column(np.concatenate(page.rows), "time")), 0.005, rtol=0.0, atol=1e-9)
     assert page.ask(command="motor_speed", value=-600.0)["done"]
-    page.wait(lambda: any("command refused" in one.get("words", "") for one in list(page.texts)), "the refusal")
+    page.wait(lambda: any("command refused" in text.get("words", "") for text in list(page.texts)), "the refusal")
     stop(view)
+
+
+START = 1_763_700_000_123_456_789
+KIND = TOPICS[SAMPLES].type
+NUMBERS = np.array([(-1) ** i * (i + 1) / 7.0 for i in range(len(FIELDS))])
+GOOD = RobotMessages(vibro_ros.load_scene("machine")).whole_sample(NUMBERS, START, 12.5)
+
+
+def test_every_number_is_what_the_robot_wrote_in_any_byte_order():
+    store, expected = jazzy_types(), NUMBERS.copy()
+    expected[TIME] = 12.5  # robot time, not the device's
+    other_order = store.serialize_cdr(store.deserialize_cdr(GOOD, KIND), KIND, little_endian=False)
+    for data in (GOOD, GOOD + bytes(3), bytes(other_order)):
+        start, values = read_sample(data)
+        assert start == START and values.tolist() == expected.tolist()
+
+
+def changed(**fields: object) -> bytes:
+    """Return a valid message with other values of a field, given by its name, or of `label`."""
+    store = jazzy_types()
+    message = store.deserialize_cdr(GOOD, KIND)
+    message.layout.dim[0].label = fields.pop("label", message.layout.dim[0].label)
+    data, names = message.data.copy(), message.layout.dim[0].label.split(",")
+    for name, value in fields.items():
+        data[names.index(name)] = value
+    message.data = data
+    return bytes(store.serialize_cdr(message, KIND))
+
+
+@pytest.mark.parametrize("bad", [
+    b"", b"\0\1\0\0", GOOD[:-1], GOOD[:50], GOOD + bytes(8), b"\0\3" + GOOD[2:], GOOD + bytes(LONGEST),
+    np.random.default_rng(5).bytes(len(GOOD)), changed(label="start_seconds,start_nanoseconds,time"),
+    changed(body_position=np.nan), changed(electrical_power=np.inf), changed(time=-1.0), changed(time=LONGEST_RUN),
+    changed(start_seconds=-1.0), changed(start_seconds=2.0**31), changed(start_nanoseconds=float(SECOND)),
+    changed(start_seconds=np.nan)])
+def test_what_is_no_sample_is_left_out(bad):
+    assert read_sample(bad) is None
+
+
+def test_one_change_of_start_is_another_run_and_two_are_two_robots():
+    now = [0.0]
+    runs = Runs(lambda: now[0])
+    assert not runs.restarted([7, 7, 7], [40.0, 41.0, 42.0])
+    assert not runs.restarted([], [])
+    assert not runs.restarted([7, 7], [43.0, 47.0])  # some were lost
+    now[0] = 10.0
+    assert runs.restarted([8, 8], [50.0, 51.0]) and not runs.rivals
+    now[0] = 13.0
+    assert runs.restarted([8], [0.0]) and not runs.rivals  # robot time drives ROS time: each start is at 0
+    now[0] = 13.5
+    assert not runs.restarted([8], [200.0]) and not runs.rivals
+    assert runs.restarted([8], [2.0]) and runs.rivals
+    now[0] = 15.4
+    assert runs.rivals
+    now[0] = 15.6
+    assert not runs.rivals
+    assert runs.restarted([8, 9, 8, 9, 8], [3.0, 201.0, 4.0, 202.0, 5.0]) and runs.rivals
+
+
+SCENE = vibro_ros.load_scene("device")
+
+
+class Both:
+    """The view's commands, a robot that subscribes to them, and another node that commands."""
+
+    def __init__(self, bench):
+        self.heard: list[float] = []
+        self.now = 100.0
+        self.commands, self._bench = PageCommands(bench.node, lambda: self.now), bench
+        bench.node.create_subscription(Float64, "motor_speed", lambda message: self.heard.append(message.data), 10)
+        self._other = bench.node.create_publisher(Float64, "motor_speed", 10)
+        bench.spin_until(lambda: self._other.get_subscription_count() >= 2, "both listen")
+
+    def page(self, *speeds: float) -> None:
+        """Send commands of a page, and wait until the last one is in force."""
+        answers: list[bool] = []
+        for speed in speeds:
+            self.commands.send("motor_speed", speed, lambda done, words: answers.append(done))
+        assert answers == [True] * len(speeds)
+        self.wait_for(speeds[-1])
+
+    def other(self, speed: float) -> None:
+        self._other.publish(Float64(data=speed))
+        self.wait_for(speed)
+
+    def wait_for(self, speed: float) -> None:
+        def heard() -> bool:
+            self.commands.take(SCENE, [])
+            return self.heard[-1:] == [speed] and self.commands.in_force.get("motor_speed") == speed
+        self._bench.spin_until(heard, f"{speed} rad/s")
+
+
+@pytest.fixture
+def both(bench):
+    return Both(bench)
+
+
+def test_a_motor_that_a_page_commanded_stops_when_the_pages_have_gone_and_no_other_one(both):
+    device = both.commands
+    both.page(50.0)
+    assert device.of_page and not device.stop_if_alone(1, 0.0)
+    both.page(1e6, 55.0)
+    assert device.of_page and device.in_force == {"motor_speed": 55.0}
+    both.now += 0.9 * RETURN_TIMEOUT
+    assert not device.stop_if_alone(0, 0.0)  # a page that is loaded again comes back in time
+    both.now += 0.2 * RETURN_TIMEOUT
+    assert device.stop_if_alone(0, 0.0) and not device.stop_if_alone(0, 0.0)
+    both.wait_for(0.0)
+    both.page(60.0)
+    both.other(80.0)
+    assert device.in_force == {"motor_speed": 80.0} and not device.of_page
+    both.now += 2.0 * RETURN_TIMEOUT
+    assert not device.stop_if_alone(0, 0.0) and not device.end()
+    for operation in (TIMEOUT, RESET):
+        both.page(70.0)
+        device.take(SCENE, [Operation(operation)])
+        assert not device.of_page and device.in_force == {}
+    both.page(90.0)
+    assert device.end() == "sent motor_speed 0"
+    both.wait_for(0.0)
+
+
+def test_a_robot_with_a_timeout_hears_the_page_s_command_again_and_again(both, bench):
+    both.page(50.0)
+    for number in range(3):
+        both.now += 0.2
+        assert not both.commands.stop_if_alone(1, 0.5)
+        bench.spin_until(lambda number=number: len(both.heard) == number + 2, "the command again")
+
+
+KINDS = {"/vibro_robot/samples": Float64MultiArray, "impacts": WrenchStamped, "/diagnostics": DiagnosticArray,
+         "/rosout": Log, "/vibro_robot/operations": String}
+ROUNDS = 150
+
+
+def strange_messages(chance: random.Random) -> list[tuple[str, bytes]]:
+    """Yield random bytes, and well-formed messages with contents that no robot sends."""
+    sample = Float64MultiArray(data=[chance.choice((float("nan"), float("inf"), -5.0, 1e300)) for _ in SAMPLE_LABELS])
+    sample.layout.dim = [MultiArrayDimension(label=chance.choice((",".join(SAMPLE_LABELS), "x", "\n" * 900)))]
+    impact = WrenchStamped()
+    impact.header.frame_id, impact.wrench.force.z = chance.choice(("upper_plate", "x" * 3000)), chance.choice(
+        (float("nan"), 1e9))
+    boast = DiagnosticArray(status=[DiagnosticStatus(
+        name="vibro_robot: simulation", hardware_id=chance.choice(("/other", "")), message="\n" * 50,
+        values=[KeyValue(key="real-time factor", value=chance.choice(("nan", "9" * 400, "")))])])
+    said = Log(level=50, name="somebody.else", msg="\x1b[31mhaha\n" * 30)
+    asked = String(data=chance.choice(("set {", "reset reset", "step x", "set " + "[" * 2000, "fly")))
+    whole = {"/vibro_robot/samples": sample, "impacts": impact, "/diagnostics": boast, "/rosout": said,
+             "/vibro_robot/operations": asked}
+    messages = [(topic, bytes(serialize_message(message))) for topic, message in whole.items()]
+    messages += [(topic, chance.randbytes(chance.randrange(1, 1200))) for topic in KINDS]
+    messages += [(topic, b"\0\1\0\0" + struct.pack("<iI", 2**31 - 1, 999_999_999) + b"\xff" * 50) for topic in KINDS]
+    return messages
+
+
+def test_strangers_change_nothing(start, bench, view, visit):
+    chance, page = random.Random(17), visit(view)
+    start("robot", *CRAWL)
+    page.wait_for_robot()
+    publishers = bench.publishers(KINDS)
+    begin = len(page.rows)
+    page.wait_for_rows(50)
+    for _ in range(ROUNDS):
+        for topic, data in strange_messages(chance):
+            publishers[topic].publish(data)
+        bench.spin_once()
+    page.wait_for_rows(100)
+    rows = np.concatenate(page.rows[begin:])
+    assert np.isfinite(rows).all()
+    assert np.allclose(np.diff(rows[:, 0]), 0.005, rtol=0.0, atol=1e-9)  # none is missing, none too many
+    angle = rows[:, COLUMNS.index("crank_angle")]
+    assert np.allclose(np.diff(angle), 0.5, rtol=0.0, atol=1e-9)
+    logs = [text["words"] for text in page.texts if text["kind"] == "log"]
+    assert not any("haha" in words or "\n" in words for words in logs)
+    assert all(impact["peak_force"] < 1e8
+               for text in page.texts if text["kind"] == "impacts" for impact in text["list"])
+    view.wait_for("/vibro_robot/samples: refused: ")
+    page.wait_for_robot()
+    stop(view)
+    assert "Traceback" not in view.text and "please report" not in view.text, view.text
+    assert len(view.lines) < 200  # a flood does not fill the log
+
+
+def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench, visit):
+    """A node with the robot's name whose parameters are not a robot's is not drawn, and the page says why."""
+    view = start("live_view", "--port", "0", "--robot", "bench")
+    page = visit(view)
+    bench.node.create_publisher(Float64MultiArray, "bench/samples", 10)
+    bench.spin_until(lambda: page.last("absent").get("words", "").startswith("/bench cannot be shown: it answers 0 "
+                                                                              "values"), "the words")
+    stop(view)
+
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def test_a_signal_at_any_instant_of_the_start_ends_it_well(start):
+    view, number = start("view", "--port", "0"), random.choice(SIGNALS)
+    time.sleep(random.uniform(0.1, 1.5))  # the instant is by chance
+    view.send(number)
+    code = view.end()
+    if "entry_point" not in view.text and "<frozen" not in view.text:  # else Python itself was still starting
+        assert code in (0, -number) and "Traceback" not in view.text, view.text
+
+
+def test_many_signals_end_it_well_with_pages_open(start, view, visit):
+    pages = [visit(view) for _ in range(3)]
+    start("robot", *CRAWL)
+    for page in pages:
+        page.wait_for_rows(10)
+    for number in SIGNALS:
+        view.send(number)
+    assert view.end() == 0 and "Traceback" not in view.text, view.text
+    for page in pages:
+        page.wait(lambda page=page: page.closed, "the connection's end")
+
+
+@pytest.mark.parametrize(("words", "line"), [
+    ([], "--port {port}: something listens there already, perhaps another view; give another port, or --port 0 for any "
+     "that is free"),
+    (["--port", "65536"], "argument --port: 65536 is no port; give a number from 0 to 65535, 0 for any that is free"),
+    (["--address", "192.0.2.1", "--port", "0"], "--address 192.0.2.1: nothing can listen there"),
+    (["--robot", "1bad", "--port", "0"], "--robot 1bad: no node's name; give one such as /r1/vibro_robot"),
+])
+def test_what_is_wrong_is_one_line(refusal, monkeypatch, words, line):
+    monkeypatch.setattr("os.nice", lambda _: None)  # or all tests that follow would be nice
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        assert refusal(live_view.main, *(words or ["--port", port])).startswith(f"view: {line.format(port=port)}")
+
+
+def test_it_may_serve_others_and_opens_a_browser_whose_command_line_tells_no_token(start, visit, tmp_path, monkeypatch):
+    browser, heard = tmp_path / "browser", tmp_path / "heard"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {heard}.part; mv {heard}.part {heard}\n')
+    browser.chmod(0o700)
+    monkeypatch.setenv("BROWSER", f"{browser} %s")
+    view = start("live_view", "--port", "0", "--address", "0.0.0.0", "--open")
+    view.wait_for("other machines reach this page, and who has its whole address commands the robot")
+    address = address_of(view)
+    page = visit(view)
+    page.wait_for_absence("no robot")
+    page.wait(heard.exists, "the browser")
+    url = heard.read_text().strip()
+    redirect = Path(url.removeprefix("file://"))
+    assert address.token not in url and f"url={address.url}" in redirect.read_text()
+    assert redirect.stat().st_mode & 0o777 == 0o600
+    view.send(signal.SIGINT)
+    assert view.end() == 0 and not redirect.exists()

@@ -1,4 +1,5 @@
-"""The node's parameters as ROS tools see them, and what `ros2 param` does through the services that it calls.
+"""The node's parameters as ROS tools see them, through the services that `ros2 param` calls, and
+through parameter files.
 
 The command line itself is not on PyPI. It makes numbers of words by its own rules: 300 becomes an integer, and 1e-6,
 which YAML 1.1 does not take for a number, a text.
@@ -7,15 +8,24 @@ which YAML 1.1 does not take for a number, a text.
 from pathlib import Path
 
 import pytest
+import rclpy
 import yaml
 from asking import answer_of
 from observation import bags, stop
+from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.context import Context
+from rclpy.node import Node
 from rclpy.parameter import Parameter, get_parameter_value, parameter_dict_from_yaml_file, parameter_value_to_python
 
+import vibro_ros
 from vibro_ros.bag.reader import read_bag
+from vibro_ros.configuration.parameter_file import merged, own_parameters, sections
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
+from vibro_ros.ros.node import robot_parameters
+from vibro_ros.ros.node.arguments import folder_of
+from vibro_ros.ros.node.robot_parameters import settings_of
 
 TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
 
@@ -97,15 +107,15 @@ def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_i
     scene = load_scene("damped").with_parameters({"mass.body": 3.0})
     expected = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | dict(scene.parameters)
     expected |= {"record.enabled": False, "scene": "damped"}
-    for parameter, shown in zip(TABLE, parameters.describe([one.name for one in TABLE]), strict=True):
+    for parameter, shown in zip(TABLE, parameters.describe([parameter.name for parameter in TABLE]), strict=True):
         value = values[parameter.name]
         assert (tuple(value) if isinstance(value, list) else value) == expected[parameter.name]
         assert type(expected[parameter.name]) is type(parameter.default)
         assert shown.read_only is not parameter.while_running
         assert parameter.description in shown.description and parameter.unit in shown.description
         assert all(choice in shown.additional_constraints for choice in parameter.choices)
-    for one in parameters.describe([*values]):
-        assert one.type and len(one.description) > 10, one.name
+    for descriptor in parameters.describe([*values]):
+        assert descriptor.type and len(descriptor.description) > 10, descriptor.name
     (speed,) = parameters.describe(["motor.max_speed"])
     assert speed.description.endswith("[rad/s]") and not speed.read_only
     assert (speed.floating_point_range[0].to_value, speed.additional_constraints) == (10_000.0, "above 0")
@@ -148,3 +158,128 @@ def test_one_file_is_one_robot_by_every_road_and_a_dump_is_taken_back(start, par
     expected = {**load_scene("unilateral").parameters, "guide.angle": 1.2, "gravity": 3.7}
     for road, values in roads.items():
         assert {parameter.name: values[parameter.name] for parameter in SCENE_PARAMETERS} == expected, road
+
+
+NODE_IN_LAB = "/lab/vibro_robot"
+
+
+def section(pattern: str, *lines: str) -> str:
+    return f"{pattern}:\n  ros__parameters:\n" + "".join(f"    {line}\n" for line in lines)
+
+
+def own_parameters_by_rcl(words: list[str], domain_id: int) -> dict[str, object]:
+    context = Context()
+    rclpy.init(context=context, domain_id=domain_id, args=["--ros-args", "-r", "__ns:=/lab", *words])
+    node = Node("vibro_robot", context=context, automatically_declare_parameters_from_overrides=True)
+    given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    return own_parameters(given)
+
+
+@pytest.mark.parametrize("text", [
+    section("/**", "a: 1", "b: 1") + section(NODE_IN_LAB, "a: 2"),
+    section(NODE_IN_LAB, "a: 2") + section("/**", "a: 1", "b: 1"),
+    section("/lab/*", "a: 1") + section("/*/vibro_robot", "a: 2") + section("/**/vibro_robot", "a: 3"),
+    section("/**/vibro_robot", "a: 3") + section("/lab/*", "a: 1") + section("/hall/*", "a: 2"),
+    section("lab/vibro_robot", "a: 2") + section("/**", "a: 1") + section("/lab/vibro_robot", "a: 3"),
+    section("vibro_controller", "rate: 2") + section("/**", "a: {b: 1, c: {d: 2}}", "e.f: 3"),
+    "/lab:\n  vibro_robot:\n    ros__parameters: {a: 1}\n  other:\n    ros__parameters: {a: 2}\n",
+    "lab/:\n  vibro_robot:\n    ros__parameters: {a: 1}\n", "/*:\n  '*':\n    ros__parameters: {a: 1}\n",
+    section("/**", "a: 1e-3", "b: .5", "c: 0x10", "d: 010", "e: true", "f: text", "g: [p, q]", "h: 'yes'", "i: -0.0",
+            "j: 1.0e+3", "k: +2", "l: 1.", "m: ~/x", "n: off"),
+    "/lab/:\n  '**':\n    ros__parameters: {}\n  '*':\n    ros__parameters: {a: 1}\n",
+    '{"/**": {"ros__parameters": {"a": 1}}}', section("vibro_robot", "a: 1"), section("/lab", "a: 1"),
+    section("/lab/**", "a: 1") + section("/vibro_robot", "b: 1") + section("/*", "c: 1"),
+    section("/**", "a: !!str 1", "b: !!float 1", "c: !!python/name:os.abort ''", "d: !!set {e: 1}"),
+    section("/**", "a: !!python/object/apply:os.abort [p, q]", "b: !!python/tuple\n    - 1.0\n    - 2.0"),
+    section("/**", "a: 1") + section("/hall/*", "a: 2") + section("/**", "b: 3", "c: [1.0, 2.0]"),
+    "/**:\n  other:\n    ros__parameters: {a: 1}\n" + "/**:\n  vibro_robot:\n    ros__parameters: {a: 2}\n",
+    section("/**", "a: 1") + "/**:\n  vibro_robot:\n    ros__parameters: {a: 2}\n" + section("/lab/*", "a: 3"),
+    section("/**", "a: {b: 1}", "c: 2", "a: {d: 3}") + section("/hall/*", "e: [[1]]", "f: []"),
+    "/lab:\n  '**': {ros__parameters: {a: 1}}\n/lab:\n  '**': {ros__parameters: {b: 2}}\n",
+    "/**:\n  vibro_robot: {ros__parameters: {a: 1}}\n  ros__parameters: {b: 2}\n",
+    section("/lab/*/vibro_robot", "a: 1") + section("vibro_robt", "b: 1") + section(f"{NODE_IN_LAB}/**/x", "c: 1"),
+], ids=range(24))
+def test_rcl_reads_the_same_from_a_file(text, tmp_path, domain_id):
+    file = tmp_path / "file.yaml"
+    file.write_text(text)
+    assert merged(sections(file), NODE_IN_LAB) == own_parameters_by_rcl(["--params-file", str(file)], domain_id)
+
+
+@pytest.mark.parametrize("text", [
+    section("/**", "a:"), section("/**", "a: {}"), section("/**", "a: &x 1", "b: *x"), "/**:\n  ros__parameters:\n",
+    section("/**", "a: [0.5, 1]"), section("/hall/*", "a: [1, b]"), section("/**", "a: [true, 1]"),
+    section("/**", "a: [x, 1e-3]"), "/lab:\n  /**:\n    ros__parameters: {a: 1}\n",
+    "/**:\n  ros__parameters: {a: 1}\n  vibro_robot:\n    ros__parameters: {b: 1}\n",
+    section("/**", "a: 1") + "  b: 1\n", "- a\n", "a: [1\n", section("/**", "a: b: c"),
+], ids=range(14))
+def test_what_rcl_refuses_is_refused_by_every_road(text, tmp_path, domain_id):
+    file = tmp_path / "file.yaml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=str(file)):
+        sections(file)
+    with pytest.raises((RuntimeError, ValueError)):
+        own_parameters_by_rcl(["--params-file", str(file)], domain_id)
+
+
+@pytest.mark.parametrize("order", [
+    "1 2", "2 1", "12", "21", "1 p", "p 1", "2 p", "21 p", "p 12", "2 p 2", "1 q", "q p", "3 p", "1 r", "none"])
+def test_rcl_takes_the_value_from_the_same_place(order, tmp_path, domain_id, monkeypatch):
+    """Each file is alone in its folder, whose name is the value; `-p` has the value `.`."""
+    monkeypatch.chdir(tmp_path)
+    sections_of = {"1": "/**", "2": NODE_IN_LAB, "3": "/hall/*"}
+    overrides = {"p": "scene:=.", "q": "vibro_robot:scene:=.", "r": "gravity:=9.81"}
+    words = []
+    for name in order.split() if order != "none" else []:
+        if name in overrides:
+            words += ["-p", overrides[name]]
+            continue
+        (tmp_path / name).mkdir(exist_ok=True)
+        file = tmp_path / name / "file.yaml"
+        file.write_text("".join(section(sections_of[letter], f"scene: '{name}'") for letter in name))
+        words += ["--params-file", f"{name}/file.yaml"]
+    given = own_parameters_by_rcl(words, domain_id)
+    assert str(folder_of("scene", ["--ros-args", *words], NODE_IN_LAB)) == given.get("scene", ".")
+
+
+NAMES = robot_parameters._NAMES
+DEVICE = vibro_ros.load_scene("device")
+
+
+def values(**changes: object) -> list[ParameterValue]:
+    given = {**DEVICE.parameters, "scene": "/somewhere/mine.yaml", "frame_prefix": "r1/", "command.timeout": 0.5,
+             **changes}
+    return [Parameter(name, value=given[name]).get_parameter_value() if given[name] is not None else ParameterValue()
+            for name in NAMES]
+
+
+def test_the_scene_is_what_the_parameters_say():
+    settings = settings_of(values(**{"guide.angle": 1.2}))
+    assert settings.scene == vibro_ros.Scene("mine", {**DEVICE.parameters, "guide.angle": 1.2})
+    assert (settings.prefix, settings.command_timeout) == ("r1/", 0.5)
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"guide.angle": 40.0}, "guide.angle: 40 is out of range"),
+    ({"guide.angle": float("nan")}, "guide.angle: nan is not finite"),
+    ({"guide.angle": "steep"}, "guide.angle: 'steep' is not a number"),
+    ({"crank.radius": 0.9}, "crank"),
+    ({"mass.body": None}, "mass.body: None is not a number"),
+    ({"effects.motor": "x" * 1000}, "effects.motor: a text of 1000 characters"),
+    ({"frame_prefix": "x" * 1000}, "frame_prefix: a text of 1000 characters"),
+    ({"frame_prefix": 3}, "frame_prefix: 3 is not a text"),
+    ({"scene": None}, "scene: None is not a text"),
+])
+def test_values_that_no_robot_has_are_refused(changes, words):
+    with pytest.raises(ValueError, match=words):
+        settings_of(values(**changes))
+
+
+def test_an_answer_of_another_length_or_type_is_refused():
+    with pytest.raises(ValueError, match="its parameters are not those of this version's robots; name one"):
+        settings_of(values()[1:])
+    strange = values()
+    strange[3] = ParameterValue(type=77)
+    with pytest.raises(ValueError, match="unexpected parameter type 77"):
+        settings_of(strange)

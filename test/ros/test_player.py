@@ -5,12 +5,8 @@ from functools import partial
 from itertools import islice
 
 import pytest
-import rclpy
 from observation import write
 from rcl_interfaces.srv import GetParameters
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
@@ -23,7 +19,7 @@ MILLISECOND = 1_000_000  # [ns]
 BARRIER = 3  # calls of a service after each time: a message and a request travel by roads of their own
 
 
-class Simulator:
+class SteppedClock:
     """Listens to the motor's command, publishes /clock, and waits for the controller's answers as in lock-step."""
 
     def __init__(self, bench):
@@ -58,15 +54,15 @@ class Simulator:
 
 
 @pytest.fixture
-def simulator(bench):
-    return Simulator(bench)
+def clock(bench):
+    return SteppedClock(bench)
 
 
-def until_heard(simulator: Simulator, count: int) -> None:
-    simulator.bench.spin_until(lambda: len(simulator.heard) >= count, f"{count} commands")
+def until_heard(clock: SteppedClock, count: int) -> None:
+    clock.bench.spin_until(lambda: len(clock.heard) >= count, f"{count} commands")
 
 
-def test_commands_count_in_ros_time_from_the_first_that_is_heard(start, simulator, tmp_path):
+def test_commands_count_in_ros_time_from_the_first_that_is_heard(start, clock, tmp_path):
     begin = 1_700_000_000 * 1000 * MILLISECOND + 7
     controller = start("controller", write(tmp_path, """
 entries:
@@ -74,61 +70,58 @@ entries:
   - {for: 0.2, motor_speed: {to: 30.0}}
   - {for: 1000.0, motor_speed: 40.0}
 """), *SIMULATED, "-p", "rate:=20.0")
-    simulator.wait_for_controller()
-    simulator.begin_at(begin)
-    until_heard(simulator, 1)  # nothing has to move for the commands of instant 0
+    clock.wait_for_controller()
+    clock.begin_at(begin)
+    until_heard(clock, 1)  # nothing has to move for the commands of instant 0
     for milliseconds, commands in ((0, 1), (99, 1), (100, 2), (149, 2), (150, 3), (300, 6), (1_000_299, 6)):
-        simulator.step_to(begin + milliseconds * MILLISECOND)
-        until_heard(simulator, commands)
-        assert len(simulator.heard) == commands, f"at {milliseconds} ms: {simulator.heard}"
+        clock.step_to(begin + milliseconds * MILLISECOND)
+        until_heard(clock, commands)
+        assert len(clock.heard) == commands, f"at {milliseconds} ms: {clock.heard}"
     assert not controller.ended
-    simulator.publish(begin + 1_000_300 * MILLISECOND)
+    clock.publish(begin + 1_000_300 * MILLISECOND)
     assert controller.end() == 0, controller.text
-    assert simulator.heard == [10.0, 10.0, 15.0, 20.0, 25.0, 40.0]
+    assert clock.heard == [10.0, 10.0, 15.0, 20.0, 25.0, 40.0]
 
 
-def test_times_that_are_none_and_a_pause_are_no_error_and_an_abort_stops_the_motor(start, simulator, tmp_path):
+def test_times_that_are_none_and_a_pause_are_no_error_and_an_abort_stops_the_motor(start, clock, tmp_path):
     controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 10.0}]\n"), *SIMULATED)
     controller.wait_for("use_sim_time: ")  # nothing is sent before there is a time
-    simulator.wait_for_controller()
+    clock.wait_for_controller()
     for nanoseconds in (-5, -2**31 * 1000 * MILLISECOND, (2**31 - 1) * 1000 * MILLISECOND):
-        assert simulator.step_to(nanoseconds) == []
+        assert clock.step_to(nanoseconds) == []
     controller.wait_for("/clock: refused: ")
-    simulator.begin_at(5)
-    until_heard(simulator, 1)
+    clock.begin_at(5)
+    until_heard(clock, 1)
     controller.wait_for("the script waits for /clock")
-    assert simulator.heard == [10.0]
+    assert clock.heard == [10.0]
     controller.send(signal.SIGINT)
-    simulator.bench.spin_until(lambda: controller.ended, "the end")
+    clock.bench.spin_until(lambda: controller.ended, "the end")
     assert controller.end() == 128 + signal.SIGINT
-    until_heard(simulator, 2)
-    assert simulator.heard == [10.0, 0.0]
+    until_heard(clock, 2)
+    assert clock.heard == [10.0, 0.0]
 
 
-def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, simulator, tmp_path):
+def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, clock, tmp_path):
     controller = start("controller", write(tmp_path, "entries: [{for: 100.0, motor_speed: 10.0}]\n"), *SIMULATED)
-    simulator.wait_for_controller()
-    simulator.begin_at(50_000 * MILLISECOND)
-    until_heard(simulator, 1)
-    simulator.publish(49_999 * MILLISECOND)
-    simulator.bench.spin_until(lambda: controller.ended, "the end")
+    clock.wait_for_controller()
+    clock.begin_at(50_000 * MILLISECOND)
+    until_heard(clock, 1)
+    clock.publish(49_999 * MILLISECOND)
+    clock.bench.spin_until(lambda: controller.ended, "the end")
     assert controller.end() == 1
     assert controller.lines[-1].startswith("controller: /clock jumped back from 50 to 49.999 s: a reset simulation, or")
-    until_heard(simulator, 2)
-    assert simulator.heard == [10.0, 0.0]
+    until_heard(clock, 2)
+    assert clock.heard == [10.0, 0.0]
 
 
-def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monkeypatch):
+def test_what_is_due_is_done_before_the_next_request_is_answered(bench):
     """Both run in one process, so that the order is visible: at every answer after a new time but the first, the
     commands that are due at that time have been sent.
     """
     done: list[object] = []
-    context = Context()
-    rclpy.init(context=context, domain_id=domain_id)
-    peer = Node("peer", context=context)
-    clock = peer.create_publisher(Clock, "/clock", 10)
+    clock = bench.node.create_publisher(Clock, "/clock", 10)
     with StopRequest() as stop, process.node_running("player", SIMULATED) as node:
-        client = peer.create_client(GetParameters, "asked")
+        client = bench.node.create_client(GetParameters, "asked")
         steps = iter([(tick, call) for tick in range(200) for call in range(BARRIER)])
 
         def publish(tick: int) -> None:
@@ -152,27 +145,15 @@ def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monk
         schedule = [(tick * 1e-3, partial(done.append, tick)) for tick in range(200)]
         ask_next()
         assert Player(node, {}).run(schedule, 0.0, stop) == 0
-    rclpy.shutdown(context=context)
     for tick in range(199):  # the last one's answers are no longer waited for
         assert done.index(tick) < done.index(f"{tick} {BARRIER - 1}"), tick
 
 
-def test_time_between_two_instants_is_never_beyond_the_second(domain_id: int):
+def test_time_between_two_instants_is_never_beyond_the_second(domain_id):
     """When the clock was read twice, one wait in fifty reported a time after the instant."""
-    context = Context()
-    rclpy.init(context=context, domain_id=domain_id)
-    node = Node("player", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
     told: list[float] = []
-    try:
-        player = Player(node, {}, meanwhile=told.append, period=1e-6)
-        schedule = [(5e-4 * k, partial(told.append, 5e-4 * k)) for k in range(3000)]
-        with StopRequest() as stop:
-            assert player.run(schedule, 0.0, stop) == 0
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
+    schedule = [(5e-4 * k, partial(told.append, 5e-4 * k)) for k in range(3000)]
+    with StopRequest() as stop, process.node_running("player", ()) as node:
+        assert Player(node, {}, meanwhile=told.append, period=1e-6).run(schedule, 0.0, stop) == 0
     assert len(told) > len(schedule) + 300, "too few waits to tell"
     assert told == sorted(told)

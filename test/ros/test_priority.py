@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool
 
 from vibro_ros.ros.robot.pacing import ALLOW, NICENESS, POLICY, PRIORITY
 
-BUSY, CROWDED = 15, 20.0  # busy processes, and the time [s] beside them
+BUSY, CROWDED = 15, 10.0  # busy processes, and the time [s] beside them
 STARTED = os.getpriority(os.PRIO_PROCESS, 0)  # niceness of the tests; a robot takes no priority if it is not 0
 REFUSED = ("setpriv", "--bounding-set=-sys_nice", "--inh-caps=-sys_nice")  # starts a program as most containers do
 
@@ -38,7 +38,7 @@ def policies(robot) -> set[int]:
 
 
 def test_a_robot_that_is_nice_goes_before_nobody(start, listener):
-    robot = start("robot", before=("nice", "-n", "3"))
+    robot = start("robot", wrapper=("nice", "-n", "3"))
     listener.spin_for_samples(20)
     assert policies(robot) == {os.SCHED_OTHER}
 
@@ -57,7 +57,7 @@ def test_a_robot_that_runs_or_steps_as_fast_as_it_can_steps_back_and_paced_again
 
 
 def test_a_robot_without_the_priority_says_at_its_first_stall_how_to_allow_it(start, listener):
-    robot = start("robot", before=REFUSED if may_go_before_others() else ())
+    robot = start("robot", wrapper=REFUSED if may_go_before_others() else ())
     listener.spin_for_samples(20)
     assert policies(robot) == {os.SCHED_OTHER}
     robot.send(signal.SIGSTOP)

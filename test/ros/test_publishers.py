@@ -165,7 +165,8 @@ def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench,
         bench.node.create_subscription(
             message_class(TOPICS[topic].type), f"{namespace}/{topic}",
             lambda data, topic=topic: heard.append((f"{namespace}/{topic}", data)), 10, raw=True)
-    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishing.publishers.values()), "discovery")
+    bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in publishing.publishers.values()),
+                     "discovery")
     ((values, _),) = random_cases(5, 1)
     robot_time = RobotTime(200.0, stamp_of(0.0))
     robot_time.ticks, sampled = 70, stamp_of(0.35)
@@ -194,10 +195,10 @@ def test_whoever_listens_to_samples_gets_every_quantity_under_its_name(bench):
     message = heard[0]
     names = message.layout.dim[0].label.split(",")
     assert message.layout.dim[0].size == message.layout.dim[0].stride == len(names) == len(message.data)
-    found = dict(zip(names, message.data, strict=True))
-    assert (found.pop("start_seconds"), found.pop("start_nanoseconds")) == divmod(stamp_of(0.0), 10**9)
-    assert tuple(found) == FIELDS and found.pop("time") == 0.35 and TIME == 0
-    assert bits(list(found.values())) == bits(values[1:])
+    sample = dict(zip(names, message.data, strict=True))
+    assert (sample.pop("start_seconds"), sample.pop("start_nanoseconds")) == divmod(stamp_of(0.0), 10**9)
+    assert tuple(sample) == FIELDS and sample.pop("time") == 0.35 and TIME == 0
+    assert bits(list(sample.values())) == bits(values[1:])
 
 
 def test_a_row_of_the_table_is_a_message_that_can_be_made():

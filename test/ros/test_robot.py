@@ -1,11 +1,20 @@
-"""The robot as a process of its own, commanded and observed over DDS."""
+"""The robot as a process of its own, commanded and observed over DDS: alone, beside another one in the same graph, and
+by another vendor's DDS.
+"""
 
 import json
 from collections import defaultdict
 from pathlib import Path
 
-from observation import COMMANDS, HEARD, PERIOD, Operator, stop_with_whole_bag
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from observation import COMMANDS, HEARD, PERIOD, Operator, messages_of, stop, stop_with_whole_bag
+from rclpy.qos import QoSProfile
 from recorded_bag import by_mcap, by_rosbags
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.recordings import replay
@@ -51,3 +60,79 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
     assert json.loads(bag.metadata["parameters"])["upper.spring.damping"] == 2.0
     assert len(bag["impacts"]["time"]) > 10
     assert replay.main([str(folder)]) == 0  # and `test_publishers.py` says what the numbers of a message are
+
+
+SPEEDS = {"r1": 90.0, "lab/r2": 60.0}
+PREFIX = {"r1": "r1/", "lab/r2": "zweiter·"}
+
+
+def frames_of(message) -> set[str]:
+    return {message.header.frame_id, getattr(message, "child_frame_id", message.header.frame_id)}
+
+
+@pytest.fixture
+def two(start):
+    """Start both robots, which record into the same folder."""
+    robots = {name: start("robot", "--ros-args", "-r", f"__ns:=/{name}", "-p", f"frame_prefix:={PREFIX[name]}",
+                          "-p", "effects.motor:=ideal") for name in SPEEDS}
+    for robot in robots.values():
+        robot.wait_for("ready")
+    return robots
+
+
+def test_each_hears_its_own_commands_and_is_known_by_its_own_names(two, bench, tmp_path):
+    frames: dict[str, set[str]] = {name: set() for name in SPEEDS}
+    names: set[str] = set()
+    power: dict[str, float] = {}
+    bench.node.create_subscription(DiagnosticArray, "/diagnostics",
+                                   lambda message: names.update(part.name for part in message.status), 10)
+    for name, speed in SPEEDS.items():
+        for kind, topic in ((Odometry, "odom"), (JointState, "joint_states"), (WrenchStamped, "ground_contact"),
+                            (WrenchStamped, "impacts")):
+            bench.node.create_subscription(
+                kind, f"/{name}/{topic}", lambda message, name=name: frames[name].update(frames_of(message)),
+                QoSProfile(depth=1000))
+        bench.node.create_subscription(JointState, f"/{name}/joint_states",
+                                       lambda message, name=name: power.update({name: message.velocity[0]}), 10)
+        (publisher,) = bench.publishers({f"/{name}/motor_speed": Float64}).values()
+        publisher.publish(Float64(data=speed))
+    expected = {name: {PREFIX[name] + frame for frame in ("odom", "base_link", "upper_plate", "inclined_plate")}
+                for name in SPEEDS}
+    bench.spin_until(lambda: power == SPEEDS and frames == expected, "speeds and frames")
+    bench.spin_until(lambda: len(names) == 4, "diagnostics")
+    assert names == {f"{name}/vibro_robot: {part}" for name in SPEEDS for part in ("simulation", "recorder")}
+    for robot in two.values():
+        stop(robot)
+    for name in SPEEDS:
+        (bag,) = tmp_path.glob(f"vibro_robot_{name.replace('/', '_')}_2*")
+        check_bag(bag, name)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def check_bag(bag: Path, name: str) -> None:
+    """Check that the bag has messages of its own robot only, and that a replay is identical."""
+    recording = read_bag(bag)
+    assert {topic for topic in recording.topics if not topic.startswith(f"/{name}/")} == {"/tf", "/tf_static"}
+    assert set(recording["impacts"]["frame"]) <= {PREFIX[name] + f"{side}_plate" for side in ("upper", "inclined")}
+    assert replay.main([str(bag)]) == 0
+
+
+SPEED = 100.0  # rad/s
+MOVED = 0.005  # m, backwards, before the test is content
+
+
+def test_it_commands_the_robot_and_reads_the_odometry_that_the_bag_holds(udp_only, start, bench, tmp_path):
+    """Afterwards the peer is killed, which the robot does not notice."""
+    pytest.importorskip("cyclonedds", reason="cyclonedds, of the extra `test`, is installed by `make test`")
+    peer = start(str(Path(__file__).with_name("cyclone_peer.py")), repr(SPEED))
+    robot = start("robot")
+    bench.spin_until(lambda: peer.ended or (peer.lines and json.loads(peer.lines[-1])[3] < -MOVED), "the body's way")
+    assert not peer.ended, peer.text
+    peer.kill()
+    recorded = messages_of(tmp_path / stop_with_whole_bag(robot))
+    assert [command.data for command in recorded["/motor_speed"]] == [SPEED]
+    published = {sample.header.stamp.sec * 10**9 + sample.header.stamp.nanosec: [
+        sample.header.frame_id, sample.child_frame_id, sample.pose.pose.position.x, sample.twist.twist.linear.x]
+        for sample in recorded["/odom"]}
+    for stamp, *rest in map(json.loads, peer.lines):
+        assert published[stamp] == rest

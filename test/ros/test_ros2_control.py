@@ -25,12 +25,12 @@ class TopicSystem:
     def __init__(self, bench, description: str):
         (block,) = ElementTree.fromstring(description).iter("ros2_control")
         assert block.get("type") == "system" and block.findtext("hardware/plugin") == PLUGIN
-        given = {one.get("name"): one.text for one in block.iter("param")}
+        given = {parameter.get("name"): parameter.text for parameter in block.iter("param")}
         self.threshold = float(given["trigger_joint_command_threshold"])
-        self.joints = {joint.get("name"): [one.get("name") for one in joint.findall("command_interface")]
+        self.joints = {joint.get("name"): [interface.get("name") for interface in joint.findall("command_interface")]
                        for joint in block.findall("joint")}
-        self.states = {(joint.get("name"), one.get("name")): math.nan
-                       for joint in block.findall("joint") for one in joint.findall("state_interface")}
+        self.states = {(joint.get("name"), interface.get("name")): math.nan
+                       for joint in block.findall("joint") for interface in joint.findall("state_interface")}
         self.commands = {(joint, kind): math.nan for joint, kinds in self.joints.items() for kind in kinds}
         self._publisher = bench.node.create_publisher(JointState, given["joint_commands_topic"],
                                                       qos_profile_sensor_data)  # best effort; others are reliable

@@ -99,14 +99,14 @@ def test_each_operation_leads_to_the_state_that_the_table_of_transitions_names(b
 
 def test_a_crank_that_spins_too_fast_is_named_and_the_robot_hears_signals(start, bench):
     """The winding keeps the current for a second, because a robot that spins for 20 ms may make good its lateness."""
-    own = pytest.importorskip("vibro_ros_interfaces.srv", reason="types are not built: no compiler")
+    types = pytest.importorskip("vibro_ros_interfaces.srv", reason="types are not built: no compiler")
     words = ("scene:=machine", "motor.winding_inductance:=1.0", "motor.crank_inertia:=0.00005", "rate.publish:=100.0",
              "record.enabled:=false")
     robot = start("robot", "--ros-args", *(word for parameter in words for word in ("-p", parameter)))
     robot.wait_for("ready")
-    client = known_client(bench, own.SetState, "set_state")
+    client = known_client(bench, types.SetState, "set_state")
     asked = time.monotonic()
-    client.call_async(own.SetState.Request(names=["motor_current"], values=[1e6]))
+    client.call_async(types.SetState.Request(names=["motor_current"], values=[1e6]))
     robot.wait_for("because the crank spins at ")
     named = time.monotonic()
     robot.send(signal.SIGINT)

@@ -53,7 +53,7 @@ entries:
   - {at: 4.0, for: 1.0, motor_speed: 20.0}
   - {at: 7.0, for: 1.0, motor_speed: 30.0}
 """)
-    assert [(one.start, one.duration) for one in played.segments] == [(1.0, 3.0), (4.0, 1.0), (7.0, 1.0)]
+    assert [(segment.start, segment.duration) for segment in played.segments] == [(1.0, 3.0), (4.0, 1.0), (7.0, 1.0)]
     assert played.command_at(0.5) == {}
     assert played.command_at(6.0) == {"motor_speed": 20.0}  # held over the pause
 
@@ -69,9 +69,9 @@ entries:
       - {at: 0.5, for: 0.5, motor_speed: {to: 20.0}}
 """)
     assert played.duration == 8.0
-    assert [one.entry for one in played.segments] == ["1", *["2.1", "2.2"] * 3] * 2
+    assert [segment.entry for segment in played.segments] == ["1", *["2.1", "2.2"] * 3] * 2
     once = [0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5]
-    assert [one.start for one in played.segments] == [*once, *(4.0 + start for start in once)]
+    assert [segment.start for segment in played.segments] == [*once, *(4.0 + start for start in once)]
     assert played.command_at(7.75) == {"motor_speed": 15.0}
 
 
@@ -84,10 +84,11 @@ entries:
 """)
     assert played.commands == ("motor_speed", "upper_gap")
     assert played.goals == (("1", SpeedGoal(-0.05, 0.005, (0.0, 100.0))), ("2", PositionGoal(-0.5, 0.002, (0.0, 80.0))))
-    assert [(one.start, one.duration) for one in played.segments] == [(0.0, 10.0), (10.0, 30.0), (40.0, 1.0)]
+    assert [(segment.start, segment.duration) for segment in played.segments] == [
+        (0.0, 10.0), (10.0, 30.0), (40.0, 1.0)]
     assert played.command_at(5.0) == played.command_at(20.0) == {"upper_gap": 0.001}  # the motor is feedback's
     assert played.command_at(40.5) == {"motor_speed": 25.0, "upper_gap": 0.001}  # from the standstill that go_to leaves
-    assert [one.describe() for one in played.segments[:2]] == [
+    assert [segment.describe() for segment in played.segments[:2]] == [
         "entry 1, 10 s: hold -0.05 m/s within 0.005 m/s, motor 0 to 100 rad/s, upper_gap 0.001 m (steady)",
         "entry 2, 30 s: go to -0.5 m within 0.002 m, motor 0 to 80 rad/s",
     ]
@@ -100,7 +101,7 @@ entries:
   - repeat: 2
     entries: [{at: 1.0, for: 1.0, motor_speed: 5.0}, {at: 3.0, hold_speed: -0.01, for: 4.0}]
 """)
-    assert [one.start for one in played.segments] == [1.0, 7.0, 9.0, 14.0, 16.0]
+    assert [segment.start for segment in played.segments] == [1.0, 7.0, 9.0, 14.0, 16.0]
 
 
 BAD = {
@@ -181,6 +182,6 @@ entries:
   - {for: 0.5, fault: plate_stuck, of: upper, upper_gap: 0.001}
   - {for: 0.2, fault: late_commands, value: 0.1}
 """)
-    assert [one.incident for one in played.segments] == [
+    assert [segment.incident for segment in played.segments] == [
         None, ("plate_stuck", 0.5, "upper", 0.0, 0.0, 0.0), ("late_commands", 0.2, "", 0.1, 0.0, 0.0)]
     assert played.segments[1].describe() == "entry 2, 0.5 s: upper_gap 0.001 m, fault plate_stuck upper"

@@ -47,7 +47,7 @@ def test_a_sensed_machine_driven_by_volts_is_identical_in_its_replay_and_another
                 assert answer.success, answer.message
 
     bag = record_run(start, bench, tmp_path, f"rate.real_time_factor:={FASTER}", *SENSORS, *MACHINE, seconds=0.5,
-                     then=drive_reset_and_fail)
+                     afterwards=drive_reset_and_fail)
     assert len(imu_messages) > 100
     assert imu_messages[-1].header.frame_id == "imu_link" and imu_messages[-1].orientation_covariance[0] == -1.0
     recorded = read_bag(bag)

@@ -104,8 +104,8 @@ def test_many_steps_hold_nobody_up_tell_how_far_they_are_can_be_cancelled_and_ar
     goal = simulator.send(MOST_STEPS)
     simulator.bench.spin_until(lambda: len(simulator.feedback) > 2, "feedback")
     assert time.monotonic() - begun >= FEEDBACK_PERIOD * 2  # seldom: each costs a message
-    assert all(sum(one) == MOST_STEPS for one in simulator.feedback)
-    completed = [one for one, _ in simulator.feedback]
+    assert all(sum(steps) == MOST_STEPS for steps in simulator.feedback)
+    completed = [done for done, _ in simulator.feedback]
     assert completed == sorted(completed)
     for name, fields in (("StepSimulation", {"steps": 1}), ("ResetSimulation", {"scope": 0})):
         code, words = simulator.call(name, **fields)

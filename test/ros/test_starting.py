@@ -124,8 +124,8 @@ def test_a_signal_and_the_end_of_work_end_a_wait_of_minutes(domain_id):
     """Else a robot would have to look at its stop request many times a second, at half a millisecond each."""
     begun = time.monotonic()
     with StopRequest() as request, process.node_running("robot", ()) as node:
-        work = process.Work(partial(time.sleep, 0.2), process.waker(node))
-        process.spin_until(node, lambda: work.done, 100.0)
+        work = process.in_thread(partial(time.sleep, 0.2), process.waker(node))
+        process.spin_until(node, work.done, 100.0)
         killer = threading.Timer(0.2, partial(os.kill, os.getpid(), signal.SIGTERM))
         killer.start()
         process.spin_until(node, lambda: bool(request), 100.0)

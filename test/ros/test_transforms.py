@@ -31,12 +31,13 @@ def spin_for_tf(bench, topic: str, count: int) -> dict[str, str]:
     heard: list = []
     bench.node.create_subscription(TFMessage, topic, heard.append, LATE if "static" in topic else 100)
     bench.spin_until(lambda: len(heard) >= count, topic)
-    return {one.child_frame_id: one.header.frame_id for message in heard for one in message.transforms}
+    return {transform.child_frame_id: transform.header.frame_id
+            for message in heard for transform in message.transforms}
 
 
 def offered(bench, topic: str) -> list[tuple[ReliabilityPolicy, DurabilityPolicy]]:
-    found = bench.node.get_publishers_info_by_topic(topic)
-    return [(one.qos_profile.reliability, one.qos_profile.durability) for one in found]
+    publishers = bench.node.get_publishers_info_by_topic(topic)
+    return [(publisher.qos_profile.reliability, publisher.qos_profile.durability) for publisher in publishers]
 
 
 def test_whoever_comes_late_hears_every_frame_and_the_robots_own_urdf_under_the_names_that_were_given(
@@ -94,7 +95,7 @@ def test_another_robot_of_the_same_commands_has_its_own_frames_and_a_moved_frame
     varied, failure = what_if(recorded, {"guide.angle": 1.2})
     assert failure == "" and replay.main([str(varied)]) == 0
     (fixed,) = messages_of(varied)["/tf_static"]
-    guide = next(one for one in fixed.transforms if one.child_frame_id == "inclined_guide")
+    guide = next(transform for transform in fixed.transforms if transform.child_frame_id == "inclined_guide")
     assert math.isclose(2.0 * math.acos(guide.transform.rotation.w), 1.2)
     assert 'rpy="0 -1.2 0"' in messages_of(varied)["/robot_description"][0].data
 

@@ -24,12 +24,12 @@ def device_with(changes: dict, scene: str = "device") -> SensedSimulator:
 
 def released_by(device: SensedSimulator, until: float, step: float) -> dict[str, list]:
     """Return the measurements up to `until` when the device is advanced in steps of about `step` [s]."""
-    begin, found = device.time, {}
+    begin, released = device.time, {}
     for time in np.linspace(begin, until, 1 + math.ceil((until - begin) / step))[1:]:
         device.advance_to(time)
         for sensor, at, values in device.take_measurements():
-            found.setdefault(sensor, []).append((at, *values.tolist()))
-    return found
+            released.setdefault(sensor, []).append((at, *values.tolist()))
+    return released
 
 
 def test_bits_depend_on_the_seed_and_neither_on_cuts_nor_on_other_sensors():
@@ -49,16 +49,16 @@ def test_bits_depend_on_the_seed_and_neither_on_cuts_nor_on_other_sensors():
 
 
 def test_a_device_goes_on_from_a_checkpoint_with_the_same_bits():
-    one, other = device_with(ALL), device_with(ALL)
-    released_by(one, 0.3, 0.1)
-    one.fail("sensor_freeze", 0.05, "encoder")
-    one.fail("sensor_offset", 0.2, "tracking", 0.5)
-    checkpoint = one.checkpoint()
+    device, other = device_with(ALL), device_with(ALL)
+    released_by(device, 0.3, 0.1)
+    device.fail("sensor_freeze", 0.05, "encoder")
+    device.fail("sensor_offset", 0.2, "tracking", 0.5)
+    checkpoint = device.checkpoint()
     other.restore(checkpoint)
-    assert released_by(one, 0.6, 0.01) == released_by(other, 0.6, 0.1)
-    one.reset()
+    assert released_by(device, 0.6, 0.01) == released_by(other, 0.6, 0.1)
+    device.reset()
     other.restore(device_with(ALL).checkpoint())
-    assert np.array_equal(one.checkpoint(), other.checkpoint(), equal_nan=True)
+    assert np.array_equal(device.checkpoint(), other.checkpoint(), equal_nan=True)
 
 
 def test_a_forged_memory_is_refused_and_changes_nothing():
@@ -85,10 +85,10 @@ def test_measurements_have_their_instants_and_come_out_after_the_delay():
     assert device.take_measurements() == []
     device.advance_to(0.5)
     taken = device.take_measurements()
-    assert [one.time for one in taken] == [k / 50.0 for k in range(23)]
-    for one in taken:
-        truth.advance_to(one.time)
-        assert one.values.tolist() == [truth.state.body_position, 0.0, truth.state.body_height, 0.0]
+    assert [measurement.time for measurement in taken] == [k / 50.0 for k in range(23)]
+    for measurement in taken:
+        truth.advance_to(measurement.time)
+        assert measurement.values.tolist() == [truth.state.body_position, 0.0, truth.state.body_height, 0.0]
 
 
 def test_an_encoder_counts_ticks():
@@ -111,12 +111,12 @@ def test_the_supply_s_current_is_what_its_power_says_clipped_noisy_and_in_steps(
                "motor.static_friction": 1e3, "motor.speed": 0.0, "sensors.current.rate": 1000.0}
     true, supply, resistance = 144.0 / 1.43 / 36.0, 36.0, 0.5
     braking = device_with({**stalled, "motor.voltage": 1.0, "motor.speed": 100.0})
-    for one in braking.take_measurements():
-        assert one.values[0] == braking.state.electrical_power / 36.0 < 0.0
+    for measurement in braking.take_measurements():
+        assert measurement.values[0] == braking.state.electrical_power / 36.0 < 0.0
     exact = device_with({**stalled, "sensors.current.supply_resistance": resistance})
     exact.advance_to(0.5)
-    for one in exact.take_measurements()[1:]:
-        assert one.values == pytest.approx([true, supply - resistance * true], rel=1e-13)
+    for measurement in exact.take_measurements()[1:]:
+        assert measurement.values == pytest.approx([true, supply - resistance * true], rel=1e-13)
     noisy = device_with({**stalled, "sensors.current.noise": 0.1, "sensors.current.resolution": 0.01,
                          "sensors.current.range": 2.0})
     rows = np.array(released_by(noisy, 10.0, 1.0)["current"])
@@ -172,8 +172,8 @@ def test_a_body_at_rest_feels_its_weight_along_the_slope():
     device = device_with({"sensors.imu.rate": 100.0, "ground.slope": 0.1, "ground.friction": 0.5, "motor.speed": 0.0,
                           "effects.upper_mass": False, "effects.inclined_mass": False})
     device.advance_to(0.1)
-    for one in device.take_measurements():
-        assert one.values[:3] == pytest.approx([9.81 * math.sin(0.1), 0.0, 9.81 * math.cos(0.1)], rel=1e-12)
+    for measurement in device.take_measurements():
+        assert measurement.values[:3] == pytest.approx([9.81 * math.sin(0.1), 0.0, 9.81 * math.cos(0.1)], rel=1e-12)
 
 
 def test_hostile_times_and_parameters():
@@ -192,8 +192,8 @@ def test_hostile_times_and_parameters():
 
 
 def test_every_sensor_has_its_place_everywhere():
-    of_sensors = {name: one for name, one in faults.FAULTS.items() if one.befalls == faults.SENSORS}
-    assert set(of_sensors) == set(FAULTS) and {one.of for one in of_sensors.values()} == {tuple(KINDS)}
+    of_sensors = {name: fault for name, fault in faults.FAULTS.items() if fault.befalls == faults.SENSORS}
+    assert set(of_sensors) == set(FAULTS) and {fault.of for fault in of_sensors.values()} == {tuple(KINDS)}
     assert set(SENSOR_TOPICS) == set(KINDS)
     assert {name.split(".")[1] for name in BY_NAME if name.startswith("sensors.") and name.endswith(".rate")} == set(
         KINDS)

@@ -37,8 +37,8 @@ def test_a_sample_does_not_depend_on_those_that_were_asked_for_before():
 
 def test_streams_differ_by_seed_and_by_name():
     streams = [Stream(seed, name).uniform(0) for seed in (0, 1) for name in ("imu", "encoder")]
-    assert all(abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.1  # 4.5 standard errors of 2048 pairs
-               for k, one in enumerate(streams) for other in streams[:k])
+    assert all(abs(np.corrcoef(stream.ravel(), other.ravel())[0, 1]) < 0.1  # 4.5 standard errors of 2048 pairs
+               for k, stream in enumerate(streams) for other in streams[:k])
 
 
 def test_the_normal_numbers_are_normal():

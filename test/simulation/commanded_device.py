@@ -20,7 +20,8 @@ def device(changes=None, scene="unilateral"):
 
 def changed(name: str, *changes: dict) -> vibro_ros.Scene:
     """Return a shipped scene with changes, of which later ones take precedence."""
-    return vibro_ros.load_scene(name).with_parameters({key: value for one in changes for key, value in one.items()})
+    return vibro_ros.load_scene(name).with_parameters({
+        key: value for values in changes for key, value in values.items()})
 
 
 def state_bits(made):
@@ -39,10 +40,10 @@ def running(scene: str = "device", **changes: object) -> vibro_ros.Simulator:
 @contextlib.contextmanager
 def refused(made: vibro_ros.Simulator, words: str) -> Iterator[None]:
     """Check that the request in this block is refused with this message and changes nothing."""
-    before = made.checkpoint().tobytes()
+    checkpoint = made.checkpoint().tobytes()
     with pytest.raises(ValueError, match=words):
         yield
-    assert made.checkpoint().tobytes() == before
+    assert made.checkpoint().tobytes() == checkpoint
 
 
 def assert_go_on_alike(made: vibro_ros.Simulator, other: vibro_ros.Simulator, until: float) -> None:

@@ -63,11 +63,11 @@ def test_a_controller_continues_with_a_given_integral():
                                            "motor.winding_inductance": 0.05}))
     wound.set_state(motor_current=0.75)
     assert wound.state.motor_current == 0.75
-    before = device.checkpoint().tolist()
+    checkpoint = device.checkpoint().tolist()
     with pytest.raises(ValueError, match="motor_current: 1.0 is no part of this motor's state; .*winding_inductance"):
         device.set_state(motor_current=1.0)
     with pytest.raises(ValueError, match="controller_integral: 1.0 is no part of this motor's state; .*motor.control"):
         wound.set_state(controller_integral=1.0)
     with pytest.raises(ValueError, match="controller_integral: nan is not finite"):
         device.set_state(controller_integral=math.nan)
-    assert device.checkpoint().tolist() == before
+    assert device.checkpoint().tolist() == checkpoint

@@ -59,11 +59,11 @@ def test_the_momentum_of_a_body_that_is_thrown_up_is_the_push_s_and_gravity_s():
 
     device.push(0.3, force_z=3.0 * total * GRAVITY, force_x=2.0)
     device.advance_to(0.2)
-    before = momentum()
+    momentum_before = momentum()
     assert device.state.body_height > 0.1
     device.advance_to(0.35)  # the push ends at 0.3 s
     change = [2.0 * 0.1, 2.0 * total * GRAVITY * 0.1 - total * GRAVITY * 0.05]
-    assert momentum() - before == pytest.approx(change, abs=1e-12)
+    assert momentum() - momentum_before == pytest.approx(change, abs=1e-12)
 
 
 def test_what_failed_follows_its_last_command_afterwards():

@@ -66,10 +66,10 @@ def test_agrees_with_fine_steps(name, changes):
     for time in np.linspace(0.0, until, 27):
         device.advance_to(time)
         device.filtered_acceleration()
-    found, coarse, fine = device.filtered_acceleration(), *(by_fine_steps(scene, until, n) for n in (20000, 200000))
+    exact, coarse, fine = device.filtered_acceleration(), *(by_fine_steps(scene, until, n) for n in (20000, 200000))
     # A landing within a step leaves an error of order 1: of the step of 0.5 us, some 1e-3 of the pole's rate.
-    assert np.abs(found - fine).max() < 2e-3 * max(1.0, np.abs(fine).max()) if name == "device" else (
-        np.abs(found - fine).max() < 0.02 * np.abs(found - coarse).max() + 1e-9)
+    assert np.abs(exact - fine).max() < 2e-3 * max(1.0, np.abs(fine).max()) if name == "device" else (
+        np.abs(exact - fine).max() < 0.02 * np.abs(exact - coarse).max() + 1e-9)
 
 
 @pytest.mark.parametrize("name", ["damped", "device"])
@@ -81,12 +81,12 @@ def test_an_array_has_the_bits_of_single_calls(name):
     for device in (arrays, single):
         device.push(0.05, force_x=20.0)
         device.fail("friction_patch", 1.0, value=0.02, from_x=-0.02, to_x=0.01)
-    samples, found = arrays.sample_filtered(times)
+    samples, accelerations = arrays.sample_filtered(times)
     for k, time in enumerate(times):
         single.advance_to(time)
-        assert tuple(found[k]) == single.filtered_acceleration()
+        assert tuple(accelerations[k]) == single.filtered_acceleration()
         assert samples.body_position[k] == single.state.body_position
-    assert np.abs(samples.body_position).max() > 0.02 and (found[:, 1] != 0.0).any() == scene.body_hops
+    assert np.abs(samples.body_position).max() > 0.02 and (accelerations[:, 1] != 0.0).any() == scene.body_hops
 
 
 def test_a_device_without_a_filter_has_no_array_of_it():

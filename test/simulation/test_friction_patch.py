@@ -122,11 +122,11 @@ def test_a_body_that_lands_on_ice_after_a_flight_over_its_edge_keeps_its_momentu
 
     device.fail("friction_patch", LONG, value=0.0, from_x=0.1, to_x=100.0)
     device.set_state(body_velocity=1.0, body_vertical_velocity=2.0, body_height=0.01)
-    before = momentum()
+    momentum_before = momentum()
     device.advance_to(2.0)
     landings = [event["time"] for event in device.take_events() if event["kind"] == "landing"]
     assert landings and device.state.body_position > 1.0
-    assert momentum() == pytest.approx(before, abs=1e-12)
+    assert momentum() == pytest.approx(momentum_before, abs=1e-12)
 
 
 def test_the_filtered_acceleration_follows_the_body_over_an_edge():

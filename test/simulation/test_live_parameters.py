@@ -1,8 +1,9 @@
-"""Parameters that change while the device runs, and the reset: against other devices, laws and limits."""
+"""Commands and parameters that change while the device runs, and the reset: against other devices, laws and limits."""
 
 import numpy as np
 import pytest
-from commanded_device import assert_go_on_alike, refused, running
+from commanded_device import RAMP, SWINGING, assert_go_on_alike, of_kind, refused, running
+from commanded_device import device as device_with
 
 import vibro_ros
 from vibro_ros.model.parameters import LIVE
@@ -25,13 +26,13 @@ def test_another_floor_goes_on_from_the_same_state_and_keeps_the_energy_balance(
     device = running(scene, solver__accounts=True)
     device.advance_to(0.3)
     for friction in (0.0, 0.1, 0.2, 0.0, 0.15):
-        before = device.state
+        state_before = device.state
         device.set_parameters({"ground.friction": friction})
         after = device.state
         for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity"):
-            assert getattr(before, name) == getattr(after, name)
+            assert getattr(state_before, name) == getattr(after, name)
         # The segment that begins here counts the phase from another place: the last digit of its sum may differ.
-        assert after.crank_angle == pytest.approx(before.crank_angle, rel=3e-16, abs=0.0)
+        assert after.crank_angle == pytest.approx(state_before.crank_angle, rel=3e-16, abs=0.0)
         device.advance_to(device.time + 0.05)
     assert abs(device.statistics["energy_accounts"]["residual"]) < 1e-12  # J, of some joules exchanged
 
@@ -103,10 +104,10 @@ def test_what_is_on_its_way_goes_on_with_the_new_parameter(start, command, chang
 def test_a_refused_change_changes_nothing(changes: dict, words: str):
     device = running("device")
     device.advance_to(0.2)
-    before = device.scene
+    scene_before = device.scene
     with refused(device, words):
         device.set_parameters(changes)
-    assert device.scene == before
+    assert device.scene == scene_before
 
 
 def test_no_limit_falls_below_the_speed_that_was_commanded():
@@ -140,3 +141,49 @@ def test_a_reset_keeps_the_parameters_that_were_changed():
     device.reset()
     assert (device.scene["ground.friction"], device.scene["motor.acceleration"]) == (0.1, 50.0)
     assert_go_on_alike(device, vibro_ros.Simulator(device.scene), 0.2)
+
+
+def test_an_empty_command_changes_nothing_but_rounding():
+    made, untouched = device_with(scene="damped"), device_with(scene="damped")
+    made.advance_to(0.013)
+    made.command()
+    for each in (made, untouched):
+        each.advance_to(0.1)
+    np.testing.assert_allclose(made.state.upper_position, untouched.state.upper_position, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(made.state.body_position, untouched.state.body_position, rtol=0, atol=1e-13)
+
+
+def test_asking_for_the_present_speed_or_gap_is_no_ramp():
+    made = device_with(RAMP | SWINGING)
+    made.command(motor_speed=0.0, upper_gap=0.0)
+    made.advance_to(0.1)
+    assert len(of_kind(made.take_events(), "motor_ramp_end", "gap_reached")) == 0
+
+
+def test_the_gap_moves_at_its_speed():
+    made = device_with({"gap_actuator.speed": 0.005} | RAMP)
+    made.command(upper_gap=0.001, inclined_gap=-0.0005)
+    for time in (0.0, 0.05, 0.0999):
+        made.advance_to(time)
+        assert made.state.upper_plate_position == pytest.approx(0.06 + 0.005 * time, abs=1e-15)
+        assert made.state.inclined_plate_position == pytest.approx(0.06 - 0.005 * time, abs=1e-15)
+        assert (made.state.upper_plate_velocity, made.state.inclined_plate_velocity) == (0.005, -0.005)
+    made.advance_to(0.3)
+    assert (made.state.upper_plate_position, made.state.inclined_plate_position) == (0.06 + 0.001, 0.06 - 0.0005)
+    assert made.state.upper_plate_velocity == 0.0
+    reached = of_kind(made.take_events(), "gap_reached")
+    np.testing.assert_allclose(reached["time"], [0.1, 0.2], rtol=1e-12)
+
+
+@pytest.mark.parametrize("scene", ["paper", "unilateral", "damped"])
+def test_a_flood_of_commands_at_one_instant(scene):
+    """The last of 1000 commands counts. Each jump of the speed causes a jump of the dampers' force, and none is taken
+    for a lack of progress.
+    """
+    made = device_with({"upper.spring.damping": 50.0, "inclined.spring.damping": 50.0}, scene)
+    made.advance_to(0.0155)
+    for index in range(1000):
+        made.command(motor_speed=500.0 * (index % 2), upper_gap=0.001 * (index % 3))
+    made.command(motor_speed=90.0, upper_gap=0.0)
+    made.advance_to(0.1)
+    assert made.state.motor_speed == 90.0

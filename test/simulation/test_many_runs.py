@@ -96,9 +96,9 @@ def test_scenes_without_end_are_taken_as_they_are_needed(workers):
 def test_reduced_runs_are_what_the_function_returns_of_each(workers):
     """A lambda can reach another process only by a fork."""
     scenes, weight = list(sweep(7)), 3.0
-    found = list(vibro_ros.simulate_many(scenes, **SHORT, workers=workers,
+    reduced = list(vibro_ros.simulate_many(scenes, **SHORT, workers=workers,
                                          reduce=lambda run: weight * run.body_position[-1]))
-    assert found == [weight * vibro_ros.simulate(scene, **SHORT).body_position[-1] for scene in scenes]
+    assert reduced == [weight * vibro_ros.simulate(scene, **SHORT).body_position[-1] for scene in scenes]
 
 
 COMMANDS = [(0.0, {"motor_speed": 90.0}), (0.02, {"upper_gap": 0.001, "inclined_gap": -0.001}),

@@ -25,8 +25,8 @@ def test_resets_are_told_whichever_way_the_crank_runs(name, changes, rate):
         elapsed += device.time
         wanted.append(len(rows) - 1)  # between this sample and the next one
         device.reset()
-    found = resets(*np.array(rows).T)
-    assert np.flatnonzero(found).tolist() == wanted[:-1]
+    reset_after = resets(*np.array(rows).T)
+    assert np.flatnonzero(reset_after).tolist() == wanted[:-1]
 
 
 def test_a_run_is_a_line_and_a_table():

@@ -91,14 +91,14 @@ def test_a_run_of_hours_of_computation_can_be_stopped(times):
     def interrupt(number, frame):
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGALRM, interrupt)
+    handler_before = signal.signal(signal.SIGALRM, interrupt)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.5)
         with pytest.raises(KeyboardInterrupt):
             vibro_ros.simulate(vibro_ros.load_scene("damped"), times=times)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGALRM, handler_before)
 
 
 @pytest.mark.parametrize("method", ["exact", *sorted(SCHEMES)])
@@ -117,8 +117,9 @@ def test_the_state_is_a_sample_taken_now_whatever_came_before(method):
 
     look()
     start = made.checkpoint()
-    for step in (lambda one: one.advance_to(0.3), lambda one: one.command(motor_speed=90.0),
-                 lambda one: one.advance_to(0.4), lambda one: one.sample([0.41, 0.5]), lambda one: one.restore(start)):
+    for step in (lambda device: device.advance_to(0.3), lambda device: device.command(motor_speed=90.0),
+                 lambda device: device.advance_to(0.4), lambda device: device.sample([0.41, 0.5]),
+                 lambda device: device.restore(start)):
         for each in (made, other):
             step(each)
         look()

@@ -75,11 +75,11 @@ def test_a_flight_with_a_pause_or_of_an_unknown_begin_does_not_count():
 def test_the_rms_current_over_the_continuous_one(continuous, warns):
     scene = vibro_ros.load_scene("machine").with_parameters({"motor.continuous_current": continuous})
     current = np.array([1.0, -1.0, 1.0, 1.0])
-    found = validity_of(scene, {"motor_current": current, **dict.fromkeys(
+    found_validity = validity_of(scene, {"motor_current": current, **dict.fromkeys(
         ("time", "body_height", "body_vertical_velocity", "upper_position", "upper_velocity", "inclined_position",
          "inclined_velocity"), np.zeros(4))})
-    assert found.current_share == pytest.approx(1.0 / continuous, rel=1e-15)
-    assert ["overheats" in sentence for sentence in found.warnings()] == [True] * warns
+    assert found_validity.current_share == pytest.approx(1.0 / continuous, rel=1e-15)
+    assert ["overheats" in sentence for sentence in found_validity.warnings()] == [True] * warns
 
 
 def test_a_pitch_index_above_its_limit_is_warned_of():

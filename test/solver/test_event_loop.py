@@ -16,10 +16,10 @@ RATE = 100.0  # Ω of the spring [rad/s]
 DRIVEN = Channels(1, 1, 1, 0)
 
 
-def form(position=0.0, velocity=0.0, signal=0.0, one=0.0):
+def form(position=0.0, velocity=0.0, signal=0.0, constant=0.0):
     """Return a row of coefficients of the channels of a driven oscillator."""
     row = np.zeros(DRIVEN.count)
-    row[[DRIVEN.position(0), DRIVEN.velocity(0), DRIVEN.signal(0), DRIVEN.one]] = position, velocity, signal, one
+    row[[DRIVEN.position(0), DRIVEN.velocity(0), DRIVEN.signal(0), DRIVEN.one]] = position, velocity, signal, constant
     return row
 
 
@@ -88,8 +88,8 @@ def test_the_period_one_impact_oscillator():
     """
     rate, speed, reach, stop, restitution = 111.80340, 100.0, 0.02, 0.03, 0.7
     velocity = form(velocity=1.0)
-    wall = Guard(form(one=stop, position=-1.0), (0,), strike=True,
-                 jump={0: form(one=stop), 1: -restitution * velocity})
+    wall = Guard(form(constant=stop, position=-1.0), (0,), strike=True,
+                 jump={0: form(constant=stop), 1: -restitution * velocity})
     row = form(position=-rate**2, signal=reach * rate**2)
     system = build(DRIVEN, [[row]], [[wall]], cosine_table(), monitor=(0 * velocity, velocity, {}))
     run = Integration(system, [0.0], [0.0], speed=speed)

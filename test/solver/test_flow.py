@@ -70,8 +70,8 @@ def test_velocity_and_acceleration_are_the_derivatives():
     middle = np.linspace(0.01, 0.2, 20)
     points, _, _ = Integration(system, [0.2], [0.7], speed=70.0).sample(
         np.sort(np.concatenate([middle - 1e-6, middle, middle + 1e-6])))
-    before, now, after = points[0::3], points[1::3], points[2::3]
-    np.testing.assert_allclose(now[:, 1], (after[:, 0] - before[:, 0]) / 2e-6, rtol=0, atol=1e-6)
+    points_before, now, after = points[0::3], points[1::3], points[2::3]
+    np.testing.assert_allclose(now[:, 1], (after[:, 0] - points_before[:, 0]) / 2e-6, rtol=0, atol=1e-6)
     acceleration = -1e4 * now[:, 0] - 5.0 * now[:, 1] + 1e4 * now[:, channels.signal(0)]
     np.testing.assert_allclose(now[:, channels.acceleration(0)], acceleration, rtol=0, atol=1e-10)
 

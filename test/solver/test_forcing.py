@@ -47,9 +47,9 @@ def check(slider, speed, target, change, times):
         turned = np.array([float(angle) for angle in theta])
     rounding = 3e-16 + 2 * slider.radius * fastest * times * 2e-15
     assert np.all(abs(points[:, 0] - expected) <= rounding), abs(points[:, 0] - expected).max()
-    found = phases[:, 0] * 2 * math.pi + phases[:, 1]
+    angle = phases[:, 0] * 2 * math.pi + phases[:, 1]
     # The instant within a cell, of at most 2 rad, is rounded to 1.1e-16 of its half.
-    np.testing.assert_allclose(found, turned, rtol=1e-15, atol=fastest * times.max() * 1e-15 + 1.1e-16)
+    np.testing.assert_allclose(angle, turned, rtol=1e-15, atol=fastest * times.max() * 1e-15 + 1.1e-16)
     return run, points, phases
 
 

@@ -32,8 +32,8 @@ def test_value_and_derivatives(x):
         for _ in range(2):
             coefficients = [n * c for n, c in enumerate(coefficients)][1:]
             derivatives.append(sum(c * Fraction(x) ** n for n, c in enumerate(coefficients)))
-        found = poly.value_and_derivatives(p, x)
-        np.testing.assert_allclose(found, [float(d) for d in derivatives], rtol=0, atol=1e-14)
+        values = poly.value_and_derivatives(p, x)
+        np.testing.assert_allclose(values, [float(d) for d in derivatives], rtol=0, atol=1e-14)
         assert poly.value(p, x) == pytest.approx(float(derivatives[0]), abs=1e-15)
 
 

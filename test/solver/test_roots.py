@@ -85,9 +85,9 @@ def test_random_polynomials(kind):
         if random.random() < 0.9:
             polynomial *= np.sign(np.polynomial.polynomial.polyval(start, polynomial))
         expected = first_crossing(polynomial, start)
-        found = search(polynomial, start, 1e-15 * abs(polynomial).sum())
-        assert found == pytest.approx(expected, abs=1e-9), number
-        crossings += start < found < NO_ROOT
+        root = search(polynomial, start, 1e-15 * abs(polynomial).sum())
+        assert root == pytest.approx(expected, abs=1e-9), number
+        crossings += start < root < NO_ROOT
     assert crossings > 150
 
 
@@ -99,12 +99,12 @@ def test_a_graze_is_told_from_a_hit(lift):
         place = random.uniform(0.05, 0.95)
         polynomial = product(power(place, 2), [1.0, random.uniform(-0.5, 0.5)])
         polynomial[0] += lift
-        found = search(polynomial, 0.0, 2e-15)
+        root = search(polynomial, 0.0, 2e-15)
         if lift > 0:
-            assert found == NO_ROOT
+            assert root == NO_ROOT
         else:
             depth = -lift / (1.0 + polynomial[3] * place)
-            assert found == pytest.approx(place - np.sqrt(depth), abs=2e-15 / np.sqrt(depth) + 3 * depth)
+            assert root == pytest.approx(place - np.sqrt(depth), abs=2e-15 / np.sqrt(depth) + 3 * depth)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])

@@ -79,13 +79,13 @@ def test_friction_that_falls_at_once_or_never_is_coulombs(across):
     """
     for speed, restitution in itertools.product((0.3, -0.3, 2.0), (0.0, 0.7)):
         for tiny in (1e-9, 1e-300):
-            found = KERNELS.land(law(tiny, restitution), 1.3, across, 0.9, speed, -0.5)
+            landed = KERNELS.land(law(tiny, restitution), 1.3, across, 0.9, speed, -0.5)
             expected = KERNELS.land(law(0.0, restitution), 1.3, across, 0.9, speed, -0.5)
-            assert found == pytest.approx(expected, abs=1e2 * max(tiny, 1e-15))
+            assert landed == pytest.approx(expected, abs=1e2 * max(tiny, 1e-15))
         for large in (1e9, 1e300):
-            found = KERNELS.land(law(large, restitution), 1.3, across, 0.9, speed, -0.5)
+            landed = KERNELS.land(law(large, restitution), 1.3, across, 0.9, speed, -0.5)
             expected = KERNELS.land(law(0.0, restitution, STATIC), 1.3, across, 0.9, speed, -0.5)
-            assert found == pytest.approx(expected, abs=1e-9)
+            assert landed == pytest.approx(expected, abs=1e-9)
 
 
 def test_friction_takes_energy_from_a_landing():
@@ -98,7 +98,7 @@ def test_friction_takes_energy_from_a_landing():
         record = law(10.0 ** chance.uniform(-4.0, 2.0), chance.uniform(0.0, 0.5), kinetic,
                      kinetic + chance.uniform(0.0, 0.5))
         after, rise, outcome = KERNELS.land(record, along, across, up, speed, fall)
-        before = along * speed**2 + 2.0 * across * speed * fall + up * fall**2
-        then = along * after**2 + 2.0 * across * after * rise + up * rise**2
-        assert rise >= 0.0 and then <= before * (1.0 + 1e-14)
+        energy_before = along * speed**2 + 2.0 * across * speed * fall + up * fall**2
+        energy_after = along * after**2 + 2.0 * across * after * rise + up * rise**2
+        assert rise >= 0.0 and energy_after <= energy_before * (1.0 + 1e-14)
         assert outcome == 2 or after == 0.0 or np.sign(after) == (1.0, -1.0)[outcome]

@@ -36,7 +36,7 @@ def discovery_range(pid: int) -> str:
 @pytest.fixture
 def tool(start) -> Callable[..., Executable]:  # noqa: F811
     """Fixture: a function that starts a tool in a session of its own."""
-    return partial(start, "-m", before=("setsid",))
+    return partial(start, "-m", wrapper=("setsid",))
 
 
 @pytest.fixture

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 
 import pytest
-from browser_pages import browser, open_page, watch
+from browser_pages import browser, open_page, session, watch
 from live_view import LiveView
 from real_processes import bench, start, udp_only
 
-__all__ = ["bench", "browser", "open_page", "start", "udp_only", "watch"]
+__all__ = ["bench", "browser", "open_page", "session", "start", "udp_only", "watch"]
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import zlib
 
 import numpy as np
 import pytest
-from motion_reader import NEAR, PART, Motion, assert_is_run
-from robot_bag import START, edit_each, edit_topic, offset_times, rewritten, robot_bag, without_earlier
+from motion_reader import NEAR, PART, MotionDocument, assert_is_run
+from robot_bag import START, edit_each, edit_topic, offset_times, rewritten, robot_bag, without_earlier, without_topics
 
 import vibro_ros
 from vibro_ros.bag.stream import BagError
@@ -25,7 +25,7 @@ def read(folder, scene=None):
     """Return the motion, its header as a browser gets it, and the parts of the setting."""
     setting, header, payload = bag_motion(folder, scene=scene)
     json.dumps(setting, allow_nan=False)
-    return Motion(json.loads(json.dumps(header, allow_nan=False)), payload), setting
+    return MotionDocument(json.loads(json.dumps(header, allow_nan=False)), payload), setting
 
 
 def run_of(times, scene="device", told=COMMANDS):
@@ -69,11 +69,12 @@ def test_the_impacts_are_those_of_the_run_and_around_each_the_motion_is_exact(na
     motion, _ = read(robot_bag(tmp_path / "bag", name, 201, told, RATE))
     impacts, run = motion.header["impacts"], run_of(np.array([1.0]), name, told)
     contacts = run.events[np.char.endswith(run.events["kind"], "contact")]
-    assert [one["time"] for one in impacts] == contacts["time"].tolist()
-    assert [one["side"] for one in impacts] == [kind.partition("_")[0] for kind in contacts["kind"].tolist()]
-    force = [np.inf if one["peak_force"] is None else one["peak_force"] for one in impacts]
+    assert [impact["time"] for impact in impacts] == contacts["time"].tolist()
+    assert [impact["side"] for impact in impacts] == [kind.partition("_")[0] for kind in contacts["kind"].tolist()]
+    force = [np.inf if impact["peak_force"] is None else impact["peak_force"] for impact in impacts]
     assert force == contacts["peak_force"].tolist()
-    around = np.unique(np.concatenate([np.linspace(one["time"] - 2e-5, one["end"] + 2e-5, 40) for one in impacts]))
+    around = np.unique(np.concatenate([
+        np.linspace(impact["time"] - 2e-5, impact["end"] + 2e-5, 40) for impact in impacts]))
     around = around[(around >= 0.0) & (around <= 1.0)]
     assert_is_run(motion, run_of(around, name, told))
 
@@ -148,7 +149,7 @@ def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
 def test_before_the_first_checkpoint_and_after_a_lost_command_it_is_interpolated_and_says_so(tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(200,))
     motion, _ = read(rewritten(whole, tmp_path / "late", lambda messages: edit_each(
-        lambda one: None if one[1] == START + round(230 / RATE * 1e9) and one[0] == "/motor_speed" else one)(
+        lambda message: None if message[:2] == ("/motor_speed", START + round(230 / RATE * 1e9)) else message)(
             without_earlier(110 / RATE)(messages))))
     header = motion.header
     assert header["begin"] == 110 / RATE and header["exact_spans"] == [[200 / RATE, 230 / RATE]]
@@ -179,7 +180,7 @@ def test_one_recorded_position_that_differs_ends_the_exact_motion(tmp_path):
 @pytest.mark.parametrize("without", ["/odom", "/joint_states"])
 def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE)
-    motion, _ = read(rewritten(whole, tmp_path / "other", edit_each(lambda one: None if one[0] == without else one)))
+    motion, _ = read(rewritten(whole, tmp_path / "other", without_topics(without)))
     assert motion.header["exact"]
     assert_is_run(motion, run_of(offset_times(0.0, 120 / RATE, 3000)))
 
@@ -197,9 +198,9 @@ def test_the_bag_of_another_recorder_is_interpolated_and_drawn_as_the_scene_that
 @pytest.fixture
 def unknown(tmp_path):
     """Return the bag of another recorder, of a robot with a scene of the user's own."""
-    own = vibro_ros.load_scene("device").with_parameters({"ground.friction": 0.21, "upper.spring.damping": 2.5})
-    whole = robot_bag(tmp_path / "bag", own, 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
-    return own, lambda change=list: rewritten(whole, tmp_path / "other", change, known=False)
+    scene = vibro_ros.load_scene("device").with_parameters({"ground.friction": 0.21, "upper.spring.damping": 2.5})
+    whole = robot_bag(tmp_path / "bag", scene, 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
+    return scene, lambda change=list: rewritten(whole, tmp_path / "other", change, known=False)
 
 
 def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolated(unknown):
@@ -213,7 +214,7 @@ def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolate
     first = run_of(np.arange(121) / RATE, scene, {0: {"motor_speed": 60.0}})
     assert {"body_position", "motor_power", "normal_force", "upper_plate_force"} <= set(motion.quantities)
     assert_is_run(motion, first)
-    assert len(header["impacts"]) > 10 and all(one["peak_force"] > 0.0 for one in header["impacts"])
+    assert len(header["impacts"]) > 10 and all(impact["peak_force"] > 0.0 for impact in header["impacts"])
     between = run_of(offset_times(0.0, 0.6), scene, {0: {"motor_speed": 60.0}})
     far = np.abs(motion.at(between.time)["crank_angle"] - between.crank_angle).max()
     assert far < 1e-3  # rad, by a cubic over the motor's ramp and its end
@@ -221,14 +222,15 @@ def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolate
 
 def test_a_gap_in_what_is_interpolated_stays_one(unknown):
     _, bag = unknown
-    motion, _ = read(bag(edit_each(lambda one: None if 0.3 < (one[1] - START) * 1e-9 < 0.5 else one)))
+    motion, _ = read(bag(edit_each(lambda message: None if 0.3 < (message[1] - START) * 1e-9 < 0.5 else message)))
     x = motion.at(np.array([0.2, 0.29, 0.4, 0.49, 0.51]))["upper_position"]
     assert np.isnan(x).tolist() == [False, False, True, True, False]
 
 
 def test_a_bag_without_state_is_refused_in_one_line(tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 11, {}, RATE)
-    other = rewritten(whole, tmp_path / "other", edit_each(lambda one: one if one[0] == "/motor_power" else None))
+    other = rewritten(whole, tmp_path / "other", edit_each(
+        lambda message: message if message[0] == "/motor_power" else None))
     with pytest.raises(BagError, match="holds no state to draw; give a bag with odom or joint_states"):
         bag_motion(other)
 
@@ -248,7 +250,7 @@ def test_what_does_not_fit_into_a_page_is_left_out_and_said(tmp_path, monkeypatc
     header = motion.header
     assert header["exact"] and header["end"] in (1.0, 2.0) and header["exact_spans"] == [[0.0, header["end"]]]
     assert setting["notes"] == [f"the motion after {header['end']:g} s is left out: it would not fit into a page"]
-    assert all(one["time"] <= header["end"] for one in header["impacts"])
+    assert all(impact["time"] <= header["end"] for impact in header["impacts"])
 
 
 def test_the_longest_recording_that_is_read(tmp_path, monkeypatch):

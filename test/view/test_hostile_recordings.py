@@ -5,8 +5,8 @@ import time
 
 import numpy as np
 import pytest
-from motion_reader import Motion
-from robot_bag import START, edit_each, edit_topic, rewritten, robot_bag
+from motion_reader import MotionDocument
+from robot_bag import START, edit_each, edit_topic, rewritten, robot_bag, without_topics
 
 import vibro_ros
 from vibro_ros.bag.stream import BagError
@@ -27,20 +27,20 @@ def read(folder):
     began = time.monotonic()
     setting, header, payload = bag_motion(folder)
     assert time.monotonic() - began < 60.0  # nobody asks for years of simulation
-    motion = Motion(json.loads(json.dumps(header, allow_nan=False)), payload)
+    motion = MotionDocument(json.loads(json.dumps(header, allow_nan=False)), payload)
     json.dumps(setting, allow_nan=False)
     assert "\n" not in header["why"] and (header["why"] == "") == header["exact"]
     borders = motion.borders
     assert (borders[:, 1] > borders[:, 0]).all() and (borders[1:, 0] >= borders[:-1, 1]).all()
-    assert header["impacts"] == sorted(header["impacts"], key=lambda one: one["time"])
+    assert header["impacts"] == sorted(header["impacts"], key=lambda impact: impact["time"])
     return motion, setting
 
 
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("from_stamp", [END, START + 5 * 10**8])
 def test_stamps_of_another_time(recorded, tmp_path, from_stamp, known):
-    motion, _ = read(rewritten(recorded, tmp_path / "other", edit_each(lambda one: (
-        one[0], one[1] + (DAYS if one[1] >= from_stamp else 0), one[2])), known=known))
+    motion, _ = read(rewritten(recorded, tmp_path / "other", edit_each(lambda message: (
+        message[0], message[1] + (DAYS if message[1] >= from_stamp else 0), message[2])), known=known))
     assert not np.isnan(motion.at(np.array([0.1]))["upper_position"]).any()
 
 
@@ -64,15 +64,14 @@ def test_joints_of_another_machine(recorded, tmp_path, known):
     other = rewritten(recorded, tmp_path / "other", edit_topic("joint_states", rename), known=known)
     motion, _ = read(other)
     assert not np.isnan(motion.at(np.array([0.5]))["body_position"]).any()
-    without = rewritten(other, tmp_path / "without", edit_each(lambda one: None if one[0] == "/odom" else one),
-                        known=known)
+    without = rewritten(other, tmp_path / "without", without_topics("/odom"), known=known)
     with pytest.raises(BagError, match="holds no state to draw"):
         bag_motion(without)
 
 
 def test_messages_that_cannot_be_read(recorded, tmp_path):
-    motion, setting = read(rewritten(recorded, tmp_path / "other", edit_each(lambda one: (
-        one[0], one[1], one[2][:20] if one[0] in ("/odom", "/motor_speed") else one[2]))))
+    motion, setting = read(rewritten(recorded, tmp_path / "other", edit_each(lambda message: (
+        message[0], message[1], message[2][:20] if message[0] in ("/odom", "/motor_speed") else message[2]))))
     assert any("/odom: 201 unreadable messages" in note for note in setting["notes"])
     assert not np.isnan(motion.at(np.array([0.5]))["upper_position"]).any()
 
@@ -99,9 +98,9 @@ def test_a_method_whose_steps_are_too_many_is_said_to_be_drawn_less_finely(
     assert header["exact"] == is_exact and (header["exact_spans"] == [[0.0, 0.5]]) == is_exact
     times = np.sort(np.random.default_rng(0).uniform(0.0, 0.5, 5000))
     run = vibro_ros.simulate(scene, times=times, commands=[(0.0, {"motor_speed": 100.0})])
-    found = motion.at(times)
+    values = motion.at(times)
     for name in ("body_position", "upper_position", "inclined_position"):
-        assert np.abs(found[name] - getattr(run, name)).max() < (1e-9 if is_exact else 1e-5)
+        assert np.abs(values[name] - getattr(run, name)).max() < (1e-9 if is_exact else 1e-5)
 
 
 @pytest.mark.filterwarnings("ignore::vibro_ros.simulation.simulator.ToleranceWarning")
@@ -124,6 +123,7 @@ def test_extreme_robots(tmp_path, changes):
 
 def test_stamps_between_the_samples(recorded, tmp_path):
     """Another recorder stores the robot's messages under its own stamps, so that no input belongs to a sample."""
-    motion, setting = read(rewritten(recorded, tmp_path / "other", edit_each(lambda one: (one[0], one[1] + 3, one[2]))))
+    motion, setting = read(rewritten(recorded, tmp_path / "other", edit_each(
+        lambda message: (message[0], message[1] + 3, message[2]))))
     assert "the stamps in the bag are not those of the robot's samples" in motion.header["why"]
     assert setting["robot"] == "device" and not np.isnan(motion.at(np.array([0.5]))["upper_position"]).any()

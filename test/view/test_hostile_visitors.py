@@ -129,17 +129,17 @@ def other_methods_do_nothing(view) -> None:
 
 
 def bytes_that_are_no_request_are_refused(view) -> None:
-    before = view.memory
+    memory_before = view.memory
     for name, data in NO_REQUESTS.items():
-        with view.address.connect() as one:
+        with view.address.connect() as connection:
             try:
-                one.sendall(data)
-                one.shutdown(socket.SHUT_WR)
-                assert read_answer(one).status in (0, 400, 403, 405, 413, 431), name
+                connection.sendall(data)
+                connection.shutdown(socket.SHUT_WR)
+                assert read_answer(connection).status in (0, 400, 403, 405, 413, 431), name
             except ConnectionError:
                 pass
         assert is_served(view), name
-    assert view.memory - before < 30.0  # MB
+    assert view.memory - memory_before < 30.0  # MB
 
 
 def requests_that_are_none_are_answered_in_one_line(view) -> None:
@@ -155,7 +155,7 @@ def requests_that_are_none_are_answered_in_one_line(view) -> None:
 
 
 def frames_beyond_the_limits_end_their_own_connection_only(view) -> None:
-    before = view.memory
+    memory_before = view.memory
     for name, rude in RUDE_FRAMES.items():
         with view.address.visit() as other, view.address.visit() as visit:
             try:
@@ -166,7 +166,7 @@ def frames_beyond_the_limits_end_their_own_connection_only(view) -> None:
             other.send({"id": 7, "call": "nothing"})
             assert other.wait_for("answer", id=7)["done"] is False, name
         assert is_served(view), name
-    assert view.memory - before < 30.0  # MB
+    assert view.memory - memory_before < 30.0  # MB
 
 
 def one_page_too_many_is_told_so_and_the_next_one_has_room(view) -> None:
@@ -209,8 +209,8 @@ def connections_that_say_nothing_keep_nobody_out(view) -> None:
             visit.send({"id": 7, "call": "nothing"})  # a page that is open stays open
             assert visit.wait_for("answer", id=7)["done"] is False
     finally:
-        for one in silent:
-            one.close()
+        for connection in silent:
+            connection.close()
     assert is_served(view)
 
 
@@ -221,9 +221,10 @@ def test_a_page_that_does_not_read_costs_the_others_nothing(start, view):
         reading.wait_for("robot", patience=60.0)
         samples_heard(reading, 3000)
         with view.address.visit(receive_buffer=4096):
-            before = view.memory
+            memory_before = view.memory
             assert samples_heard(reading, 5000) >= 5000
-            assert view.memory - before < 8.0  # MB: what is not read of 5 s is 2 MB, as lists of numbers ten times that
+            # What is not read of 5 s is 2 MB, as lists of numbers ten times that.
+            assert view.memory - memory_before < 8.0  # MB
     assert is_served(view)
 
 

@@ -253,11 +253,11 @@ def test_buttons_reset_pause_step_and_record(start, view, page, tmp_path):
     page.click("#pause")
     until(page, lambda page: page.inner_text("#pause") == "Resume", "paused")
     until(page, stands_still, "time stands still")
-    before = drawn(page)["time"]
+    time_before = drawn(page)["time"]
     until(page, lambda page: page.is_enabled("#step"), "step offered")
     page.click("#step")
-    until(page, lambda page: drawn(page)["time"] > before, "one sample more")
-    assert drawn(page)["time"] - before == pytest.approx(0.005, abs=1e-9)  # one period of 200 Hz
+    until(page, lambda page: drawn(page)["time"] > time_before, "one sample more")
+    assert drawn(page)["time"] - time_before == pytest.approx(0.005, abs=1e-9)  # one period of 200 Hz
     page.click("#reset")
     until(page, lambda page: drawn(page)["quantities"]["crank_angle"] == 0.0, "the start")
     assert drawn(page)["quantities"]["body_position"] == 0.0
@@ -273,18 +273,18 @@ def test_buttons_reset_pause_step_and_record(start, view, page, tmp_path):
 
 
 def stands_still(page) -> bool:
-    before = drawn(page)["time"]
+    time_before = drawn(page)["time"]
     page.wait_for_timeout(300)
-    return drawn(page)["time"] == before
+    return drawn(page)["time"] == time_before
 
 
-def test_a_robot_that_comes_late_goes_and_comes_back_is_shown_and_a_view_that_is_killed_costs_it_nothing(
+def test_a_robot_that_comes_late_and_another_one_after_it_are_shown_and_a_view_that_is_killed_costs_them_nothing(
         udp_only, start, view, page, watch):
     page.goto(view.address.url)
     until(page, lambda page: page.is_visible("#absent") and "robot" in page.inner_text("#absent"), "no robot yet")
     first = start("robot", *CRAWL)
     until(page, shows_robot)
-    first.kill()
+    stop(first)
     until(page, lambda page: page.is_visible("#absent"), "the robot's absence")
     assert page.is_disabled("#motor_speed") and page.is_enabled("#stop")
     second = start("robot", *CRAWL, "-p", "scene:=no_impact")
@@ -292,8 +292,8 @@ def test_a_robot_that_comes_late_goes_and_comes_back_is_shown_and_a_view_that_is
     until(page, lambda page: page.locator("#upper_gap").count() == 0, "another machine, without plates")
     view.executable.kill()
     until(page, lambda page: page.is_visible("#absent"), "the view's absence")
-    until(page, lambda page: any("WebSocket" in one for one in watch.complaints), "the browser's own words")
+    until(page, lambda page: any("WebSocket" in complaint for complaint in watch.complaints), "the browser's own words")
     page.goto("about:blank")
-    watch.complaints = [one for one in watch.complaints if "WebSocket" not in one]
+    watch.complaints = [complaint for complaint in watch.complaints if "WebSocket" not in complaint]
     stop(second)
     assert "Traceback" not in first.text + view.executable.text

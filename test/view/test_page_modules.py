@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from motion_reader import Motion
+from motion_reader import MotionDocument
 from page_reading import Modules
 
 import vibro_ros
@@ -42,35 +42,35 @@ def random_motion(pieces=40, quantities=3, gap_after=20):
 
 def test_a_motion_is_what_the_reader_in_python_says(modules):
     header, payload = random_motion()
-    motion = Motion(header, payload)
+    motion = MotionDocument(header, payload)
     times = np.random.default_rng(6).uniform(*motion.borders[7], 50)
     times = np.concatenate([times, motion.borders[:20].mean(axis=1), motion.borders[:, 0] + 1e-9])
-    found = modules.call("motion", BUFFER + """
+    values = modules.call("motion", BUFFER + """
         const motion = new m.Motion(v[1], buffer);
         return v[2].map((time) => v[1].quantities.map((name) => {
           const value = motion.value(name, time);
           return Number.isNaN(value) ? null : value;
         }));""", binary(payload), header, times.tolist())
-    found = np.array([[math.nan if one is None else one for one in row] for row in found])
+    values = np.array([[math.nan if value is None else value for value in row] for row in values])
     expected = np.stack(list(motion.at(times).values()), axis=1)
-    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)  # sums of 9 numbers of size 1
+    np.testing.assert_allclose(values, expected, rtol=1e-13, atol=1e-13)  # sums of 9 numbers of size 1
 
 
 def test_sliders_stand_where_the_model_has_them(modules):
     psi = np.linspace(-7.0, 7.0, 57)
     for rod in (0.06, 0.02):
-        found = modules.call("mechanism", "return v[1].map((psi) => m.sliderPosition(0.02, v[0], psi));", rod,
+        positions = modules.call("mechanism", "return v[1].map((psi) => m.sliderPosition(0.02, v[0], psi));", rod,
                              psi.tolist())
-        np.testing.assert_allclose(found, Slider(0.02, rod, 0.0).position(psi), rtol=EXACT, atol=1e-17)
+        np.testing.assert_allclose(positions, Slider(0.02, rod, 0.0).position(psi), rtol=EXACT, atol=1e-17)
 
 
-@pytest.mark.parametrize("low, high, most, expected", [
-    (0.0, 10.0, 5, [0, 2, 4, 6, 8, 10]), (-0.3, 0.3, 3, [-0.2, 0.0, 0.2]),
-    (59.9, 60.2, 6, [59.9, 59.95, 60.0, 60.05, 60.1, 60.15, 60.2]),
-    (3600.0, 3600.001, 2, [3600.0, 3600.0005, 3600.001])])
-def test_ticks_are_round(modules, low, high, most, expected):
-    found = modules.call("text", "return m.ticks(...v).ticks;", low, high, most)
-    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+def test_ticks_are_round(modules):
+    for low, high, most, expected in (
+            (0.0, 10.0, 5, [0, 2, 4, 6, 8, 10]), (-0.3, 0.3, 3, [-0.2, 0.0, 0.2]),
+            (59.9, 60.2, 6, [59.9, 59.95, 60.0, 60.05, 60.1, 60.15, 60.2]),
+            (3600.0, 3600.001, 2, [3600.0, 3600.0005, 3600.001])):
+        ticks = modules.call("text", "return m.ticks(...v).ticks;", low, high, most)
+        assert ticks == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 def test_an_axis_stays_while_it_serves(modules):
@@ -83,7 +83,7 @@ def test_an_axis_stays_while_it_serves(modules):
 
 def test_a_sample_buffer_keeps_the_newest_rows(modules):
     rows = [number for k in range(25) for number in (k * 0.1, float(k * k))]
-    found = modules.call("samples", """
+    kept = modules.call("samples", """
         const samples = new m.SampleBuffer(["time", "square"], 10);
         samples.push(Float64Array.from(v[0].slice(0, 31)));
         samples.push(Float64Array.from(v[0].slice(30)));
@@ -93,10 +93,10 @@ def test_a_sample_buffer_keeps_the_newest_rows(modules):
         samples.trace("square", 2, 2.4, 1e-3, (time, value) => points.push(value));
         return {count: samples.count, begin: samples.begin, end: samples.end, early: samples.row(0), values, points,
                 again: samples.push(Float64Array.from(v[0]))};""", rows)
-    assert (found["count"], found["early"], found["again"]) == (10, -1, 0)
-    assert (found["begin"], found["end"]) == (pytest.approx(1.5), pytest.approx(2.4))
-    assert found["values"] == {"time": pytest.approx(1.9), "square": 361}
-    assert found["points"] == [400, 441, 484, 529, 576]
+    assert (kept["count"], kept["early"], kept["again"]) == (10, -1, 0)
+    assert (kept["begin"], kept["end"]) == (pytest.approx(1.5), pytest.approx(2.4))
+    assert kept["values"] == {"time": pytest.approx(1.9), "square": 361}
+    assert kept["points"] == [400, 441, 484, 529, 576]
 
 
 def test_of_many_samples_in_a_pixel_the_extremes_are_drawn(modules):
@@ -112,13 +112,18 @@ def test_of_many_samples_in_a_pixel_the_extremes_are_drawn(modules):
     assert min(value for _, value in points) == values.min() and max(value for _, value in points) == values.max()
 
 
-@pytest.mark.parametrize("typed, number", [
-    ("4,5", 4.5), (" 4.5 ", 4.5), (",5", 0.5), ("\u22120,25", -0.25), ("1e-3", 1e-3), ("45", 45.0), ("1,000", 1.0),
-    ("4.5.0", None), ("1.234,5", None), ("1,234.5", None), ("1,2,3", None), ("1 000", None), ("0x10", None), ("", None),
-    ("1e999", None), ("Infinity", None), ("\u0664", None), ("4,5 rad/s", None), ("-", None), ("e5", None)])
-def test_a_number_is_what_people_type_and_never_another_one(modules, typed, number):
-    assert modules.call("knobs", "const found = m.numberOf(v[0]); return Number.isNaN(found) ? null : found;",
-                        typed) == number
+TYPED = {
+    "4,5": 4.5, " 4.5 ": 4.5, ",5": 0.5, "\u22120,25": -0.25, "1e-3": 1e-3, "45": 45.0, "1,000": 1.0,
+    **dict.fromkeys(("4.5.0", "1.234,5", "1,234.5", "1,2,3", "1 000", "0x10", "", "1e999", "Infinity", "\u0664",
+                     "4,5 rad/s", "-", "e5"))}
+
+
+def test_a_number_is_what_people_type_and_never_another_one(modules):
+    numbers = modules.call("knobs", """return v[0].map((typed) => {
+        const number = m.numberOf(typed);
+        return Number.isNaN(number) ? null : number;
+        });""", list(TYPED))
+    assert dict(zip(TYPED, numbers, strict=True)) == TYPED
 
 
 def test_csv_has_the_last_rows_with_all_their_digits(modules):
@@ -128,25 +133,25 @@ def test_csv_has_the_last_rows_with_all_their_digits(modules):
         return m.csv(samples, ["noise"], 59.5);""", rows.ravel().tolist())
     head, *lines = text.splitlines()
     assert head == "time,noise"
-    assert [[float(one) for one in line.split(",")] for line in lines] == rows[-60:, :2].tolist()
+    assert [[float(word) for word in line.split(",")] for line in lines] == rows[-60:, :2].tolist()
 
 
 def test_the_mean_speed_begins_at_a_reset_and_leaves_out_what_is_not_known(modules):
     """Six seconds at 10 mm/s, the last one with the crank turning backwards, then back at the start, then two at
     -20 mm/s."""
     times = np.arange(0.0, 8.001, 0.01)
-    before = times < 6.0
-    rows = np.stack([times, np.where(before, 0.01 * times, -0.02 * (times - 6.0)),
-                     np.where(before, 500.0 - 200.0 * abs(times - 5.0), times - 6.0),
-                     np.where(before, np.where(times < 5.0, 200.0, -200.0), 1.0)], axis=1)
+    before_reset = times < 6.0
+    rows = np.stack([times, np.where(before_reset, 0.01 * times, -0.02 * (times - 6.0)),
+                     np.where(before_reset, 500.0 - 200.0 * abs(times - 5.0), times - 6.0),
+                     np.where(before_reset, np.where(times < 5.0, 200.0, -200.0), 1.0)], axis=1)
     call = """const names = ["time", "body_position", "crank_angle", "motor_speed"];
         const samples = new m.SampleBuffer(names, 1000);
         samples.push(Float64Array.from(v[0]));
         const {meanSpeed} = await import("vibro/speed.js");
         return v[1].map((time) => Object.values(meanSpeed(samples, time)));"""
-    found = np.array(modules.call("samples", call, rows.ravel().tolist(), [5.99, 8.0, 2.0]))
-    np.testing.assert_allclose(found[:, 0], [5.0, 2.0, 2.0], atol=0.02)
-    np.testing.assert_allclose(found[:, 1], [0.01, -0.02, 0.01], rtol=1e-9)
+    means = np.array(modules.call("samples", call, rows.ravel().tolist(), [5.99, 8.0, 2.0]))
+    np.testing.assert_allclose(means[:, 0], [5.0, 2.0, 2.0], atol=0.02)
+    np.testing.assert_allclose(means[:, 1], [0.01, -0.02, 0.01], rtol=1e-9)
     for known in (False, True):  # computed at once, or in pieces that are kept
         curve = modules.call("speed", """const {SampleBuffer} = await import("vibro/samples.js");
             const samples = new SampleBuffer(["time", "body_position", "crank_angle", "motor_speed"], 1000);
@@ -164,7 +169,7 @@ def test_the_mean_speed_begins_at_a_reset_and_leaves_out_what_is_not_known(modul
 
 def test_curve_and_path_of_a_motion_break_where_nothing_was_recorded_and_else_are_what_it_is(modules):
     header, payload = random_motion()
-    motion = Motion(header, payload)
+    motion = MotionDocument(header, payload)
     points, curve = modules.call("motion", BUFFER + """
         const [points, curve, motion] = [[], [], new m.Motion(v[1], buffer)];
         motion.path(["q0", "q2"], v[1].begin - 1, v[1].end, 1e-3, (time, values) => {
@@ -222,10 +227,10 @@ def test_a_robot_on_any_slope_lies_within_its_picture(modules, size):
 def test_a_push_is_there_from_its_begin_to_its_end(modules):
     header, payload = random_motion()
     header["pushes"] = [{"begin": 0.1, "end": 0.2, "force_x": 3.0, "force_z": 0.0}]
-    found = modules.call("motion", BUFFER + """
+    forces = modules.call("motion", BUFFER + """
         return v[2].map((time) => new m.Motion(v[1], buffer).pushAt(time)?.force_x ?? null);""", binary(payload),
                          header, [0.09, 0.1, 0.15, 0.2])
-    assert found == [None, 3.0, 3.0, None]
+    assert forces == [None, 3.0, 3.0, None]
 
 
 TEXTS = """  // a surface whose texts are noted: {text, left, right, y} [px]
@@ -252,4 +257,4 @@ def test_the_height_of_a_hop_stands_within_the_picture(modules, size):
           stage.drawHeight(context, values);
         }
         return texts;""", drawing(vibro_ros.load_scene("device")), *size)
-    assert len(texts) == 3 and all(0.0 <= one["left"] and one["right"] <= size[0] for one in texts)
+    assert len(texts) == 3 and all(0.0 <= text["left"] and text["right"] <= size[0] for text in texts)

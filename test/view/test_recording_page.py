@@ -39,8 +39,8 @@ def opened(page, file):
 
 def test_the_file_lies_beside_the_recording_and_may_be_written_again(bag, file):
     assert file == bag.with_name("vibro_robot_view.html")
-    before = file.read_bytes()
-    assert view.write_page(bag) == file and file.read_bytes() == before
+    content_before = file.read_bytes()
+    assert view.write_page(bag) == file and file.read_bytes() == content_before
 
 
 def test_what_is_drawn_is_where_the_simulator_says_that_it_was(opened):
@@ -162,10 +162,11 @@ def test_a_chart_has_the_mean_speed_of_the_last_second(opened):
     def drawn(moment):
         return opened.evaluate("(time) => { texts.length = 0; vibro.show(time); return texts; }", moment)
 
-    then, now = (opened.evaluate("(time) => vibro.show(time).quantities.body_position", at) for at in (0.5, 1.5))
+    place_before, place_now = (opened.evaluate("(time) => vibro.show(time).quantities.body_position", at)
+                               for at in (0.5, 1.5))
     texts = drawn(1.5)
     number = texts[texts.index("speed over ground, mean of a second [mm/s]") + 1]
-    assert abs(float(number.replace("\u2212", "-")) - 1e3 * (now - then)) < 1.0
+    assert abs(float(number.replace("\u2212", "-")) - 1e3 * (place_now - place_before)) < 1.0
     opened.select_option("#speed", "0.1")  # less than a second is shown: the curve would be a line
     assert not any(text.startswith("speed") for text in drawn(1.5))
 

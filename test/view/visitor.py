@@ -42,35 +42,36 @@ class Address:
         return f"127.0.0.1:{self.port}"
 
     def connect(self, receive_buffer: int = 0) -> socket.socket:
-        one = socket.socket()
+        connection = socket.socket()
         if receive_buffer:
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
-        one.settimeout(PATIENCE)
-        one.connect(("127.0.0.1", self.port))
-        return one
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+        connection.settimeout(PATIENCE)
+        connection.connect(("127.0.0.1", self.port))
+        return connection
 
     def ask(self, target: str | None = None, method: str = "GET", body: bytes = b"", **headers: str) -> Answer:
         """Send one request, by default for the page as the browser does; `host=""` leaves the header out."""
-        with self.connect() as one:
-            one.sendall(self._request(f"/?token={self.token}" if target is None else target, method, headers, body))
-            return read_answer(one)
+        with self.connect() as connection:
+            target = f"/?token={self.token}" if target is None else target
+            connection.sendall(self._request(target, method, headers, body))
+            return read_answer(connection)
 
     def visit(self, target: str | None = None, receive_buffer: int = 0, **headers: str) -> "Visit | Answer":
         """Open the web socket, by default as the page does; returns the server's answer if it refuses."""
-        one = self.connect(receive_buffer)
+        connection = self.connect(receive_buffer)
         try:
             wanted = {"origin": f"http://{self.host}", "upgrade": "websocket", "connection": "Upgrade",
                       "sec-websocket-version": "13", "sec-websocket-key": base64.b64encode(os.urandom(16)).decode()}
             target = f"/live?token={self.token}" if target is None else target
-            one.sendall(self._request(target, "GET", wanted | headers, b""))
-            answer = read_answer(one)
+            connection.sendall(self._request(target, "GET", wanted | headers, b""))
+            answer = read_answer(connection)
         except BaseException:
-            one.close()
+            connection.close()
             raise
         if answer.status != 101:
-            one.close()
+            connection.close()
             return answer
-        return Visit(one, answer.body)
+        return Visit(connection, answer.body)
 
     def _request(self, target: str, method: str, headers: Mapping[str, str], body: bytes) -> bytes:
         fields = {"host": self.host} | {name.replace("_", "-"): value for name, value in headers.items()}
@@ -85,14 +86,14 @@ def address_of(view) -> Address:
     return Address(re.search(r"http://\S+:\d+/\?token=\S+", view.wait_for("/?token="))[0])
 
 
-def read_answer(one: socket.socket) -> Answer:
+def read_answer(connection: socket.socket) -> Answer:
     """Read one answer; after a switch of protocols, `body` has the bytes that followed it. Status 0: closed without an
     answer.
     """
     data = b""
     while b"\r\n\r\n" not in data:
         try:
-            part = one.recv(65536)
+            part = connection.recv(65536)
         except ConnectionError:
             part = b""
         if not part:
@@ -103,7 +104,7 @@ def read_answer(one: socket.socket) -> Answer:
     headers = {name.lower(): value for name, value in (line.split(": ", 1) for line in lines)}
     status = int(first.split()[1])
     while status != 101 and len(body) < int(headers.get("content-length", 0)):
-        part = one.recv(65536)
+        part = connection.recv(65536)
         if not part:
             break
         body += part
@@ -113,8 +114,8 @@ def read_answer(one: socket.socket) -> Answer:
 class Visit:
     """An open web socket; a context manager that closes it."""
 
-    def __init__(self, one: socket.socket, data: bytes):
-        self._socket, self._data = one, data
+    def __init__(self, connection: socket.socket, data: bytes):
+        self._socket, self._data = connection, data
         self.closed_with: int | None = None
 
     def __enter__(self) -> "Visit":
@@ -201,5 +202,5 @@ class Visit:
             if not part:
                 return None
             self._data += part
-        found, self._data = self._data[:count], self._data[count:]
-        return found
+        data, self._data = self._data[:count], self._data[count:]
+        return data

@@ -102,9 +102,7 @@ class McapFile:
         self.is_whole &= len(self.flaws) == (not self.sealed) and self.end == self.size
 
     def messages(self, topics: frozenset[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, recorded stamp [ns] and data of the messages of some topics in the order of the file (OSError if
-        it cannot be opened any more).
-        """
+        """Yield topic, recorded stamp [ns] and data of the messages of some topics in the file's order (OSError)."""
         chosen = {channel: topic for channel, topic in self._read_channels.items() if topic in topics}
         if chosen:
             for channel, _, stamp, _, data in self._entries():

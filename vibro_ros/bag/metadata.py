@@ -69,10 +69,7 @@ class FileInformation:
 
 
 def defined(topics: Sequence[Topic]) -> list[TopicInformation]:
-    """Return the descriptions of the topics that are to be recorded.
-
-    ValueError for an unknown message type or a topic given twice.
-    """
+    """Return the descriptions of topics to record (ValueError for an unknown type or a topic given twice)."""
     names = [topic.name for topic in topics]
     for topic in topics:
         if topic.type_name not in jazzy_types().fielddefs:

@@ -262,9 +262,7 @@ class Series:
         self._texts: dict[str, dict[str, int]] = {name: {} for name, column in self._columns.items() if column.is_text}
 
     def append(self, time_ns: int, data: bytes) -> None:
-        """Add one serialised message recorded at `time_ns` (ValueError when it cannot be read, or does not fit the
-        columns; nothing is added then).
-        """
+        """Add a serialised message recorded at `time_ns`, or nothing (ValueError when it does not fit the columns)."""
         message = deserialised(data, self._type)
         rows = message.transforms if self._type == TRANSFORMS else (message,)
         for row in [self._read(row) for row in rows]:

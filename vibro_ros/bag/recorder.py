@@ -103,11 +103,11 @@ class Recorder:
         self.folder = Path(folder)
         self.fault: str | None = None
         self._backlog = backlog
-        self._refused = 0
+        self.dropped = 0  # messages that `write` refused
         self._refusing = Lock()
         self._taken = 0
         self._due = time.monotonic() + FLUSH_PERIOD
-        self._accepting = True
+        self.accepting = True  # whether `write` takes messages; false a little before `fault` says why
         self._has_ended = False  # no more messages are written
         self._closing = False
         self._new_custom: Mapping[str, str] = {}
@@ -133,42 +133,26 @@ class Recorder:
         bytes, queue full, recording stopped.
         """
         if (len(self._queue) < self._capacities.get(topic_name, 0) and type(stamp_ns) is int
-                and 0 <= stamp_ns <= LAST_STAMP and type(data) is bytes and self._accepting):
+                and 0 <= stamp_ns <= LAST_STAMP and type(data) is bytes and self.accepting):
             self._queue.append((topic_name, stamp_ns, data))
             if time.monotonic() >= self._wake_from or len(self._queue) == WAKING:
                 self._wake_from = math.inf
                 self._wake_up.put(None)
             return True
         with self._refusing:
-            self._refused += 1
+            self.dropped += 1
         return False
 
-    def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
-        """Begin each file with these messages, pairs of topic and bytes, with the stamp of its first message.
-
-        To be called before any `write`.
-        """
+    def announce(self, custom: Mapping[str, str], latched: Sequence[tuple[str, bytes]]) -> None:
+        """Add to the bag's custom data, and begin each file as `BagWriter.latch`; to be called before any `write`."""
         self._writer.latch(latched)
-
-    def describe(self, custom: Mapping[str, str]) -> None:
-        """Add to the bag's custom data, before the messages that are written from now on."""
         self._new_custom = custom
         self._wake_up.put(None)
-
-    @property
-    def accepting(self) -> bool:
-        """Whether `write` takes messages; false as soon as the disk fails, a little before `fault` says so."""
-        return self._accepting
 
     @property
     def written(self) -> int:
         """Number of messages in the bag that a killed process would not lose."""
         return self._writer.stored
-
-    @property
-    def dropped(self) -> int:
-        """Number of messages that `write` refused."""
-        return self._refused
 
     @property
     def lost(self) -> int:
@@ -183,7 +167,7 @@ class Recorder:
     @property
     def is_backlogged(self) -> bool:
         """Whether more than half of the backlog is taken, so that a caller who can wait should."""
-        return self._accepting and 2 * len(self._queue) > self._backlog
+        return self.accepting and 2 * len(self._queue) > self._backlog
 
     @property
     def ended(self) -> bool:
@@ -196,7 +180,7 @@ class Recorder:
         Returns False if this took longer than `patience` [s]; the thread then finishes on its own. With None it waits
         for ever.
         """
-        self._accepting = False
+        self.accepting = False
         self._closing = True
         self._wake_up.put(None)
         self._thread.join(patience)
@@ -246,7 +230,7 @@ class Recorder:
 
     def _stop(self, error: Exception) -> None:
         """End the recording; stored messages stay as they are, for the readers of this package and for `recover`."""
-        self._accepting = False
+        self.accepting = False
         self._has_ended = True
         reason = " ".join((getattr(error, "strerror", None) or str(error) or type(error).__name__).split())
         self._discard_queue()

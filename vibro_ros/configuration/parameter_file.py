@@ -27,11 +27,7 @@ Sections = list[tuple[str, dict[str, object]]]
 
 
 def sections(path: Path) -> Sections:
-    """Read the sections of the file at `path`.
-
-    ValueError if the file is missing, is not YAML, or is no parameter file; one line that names the file and the
-    remedy.
-    """
+    """Read the sections of the file at `path` (ValueError: one line that names the file and the remedy)."""
     tree = read_yaml(path, pairs=True)
     try:
         sections_of_file = list(_sections(tree, ""))
@@ -44,10 +40,7 @@ def sections(path: Path) -> Sections:
 
 
 def check_addressed(path: Path, given: Sections, node: str) -> None:
-    """Refuse a file without a section that applies to `node`, a fully qualified name.
-
-    ValueError: the message names the file, the nodes that it addresses, and the remedy.
-    """
+    """Refuse a file without a section that applies to `node`, a fully qualified name (ValueError)."""
     patterns = [absolute(pattern) for pattern, _ in given]
     if not any(applies(pattern, node) for pattern in patterns):
         raise ValueError(f"{path}: holds parameters for {', '.join(patterns)}, none for this node; "
@@ -123,8 +116,7 @@ def _leaves(tree: Pairs, prefix: str) -> Iterator[tuple[str, object]]:
 
 
 def _refuse_twice(given: Sections) -> None:
-    """Refuse a parameter that two sections of one node or pattern give, of which rcl would take the later without a
-    word."""
+    """Refuse a parameter that two sections of one node or pattern give: rcl would silently take the later one."""
     names_by_pattern: dict[str, set[str]] = {}
     for pattern, values in given:
         names = names_by_pattern.setdefault(pattern, set())

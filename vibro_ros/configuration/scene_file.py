@@ -98,10 +98,7 @@ def scene_as_file(scene: Scene, comment: str) -> bytes:
 
 
 def scene_origin(name: str, folder: Path) -> str:
-    """Resolve the parameter `scene` to the name of a shipped scene, or to an absolute path.
-
-    A relative path starts from `folder`. ValueError if there is no such scene or file.
-    """
+    """Return a shipped scene's name as it is, else an absolute path, from `folder` on (ValueError if neither is)."""
     return name if name in shipped_scenes() else str(find_file("scene", name, folder).absolute())
 
 

@@ -125,10 +125,7 @@ def read_scalar(text: str) -> object:
 
 
 def read_settings(words: Sequence[str]) -> dict[str, object]:
-    """Return the values of every `--set NAME=VALUE`, by name, as `read_scalar` reads them.
-
-    ValueError for a word of another form, and for a name that is given twice.
-    """
+    """Return the value of each `--set NAME=VALUE` by name (ValueError for another form, or a name given twice)."""
     settings: dict[str, object] = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -141,10 +138,7 @@ def read_settings(words: Sequence[str]) -> dict[str, object]:
 
 
 def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True, pairs: bool = False) -> object:
-    """Parse the regular file at `path`, which may be a symbolic link if `follow`; as `parse_yaml` does.
-
-    ValueError, naming the file, when it cannot be read, is not YAML, or exceeds the limits.
-    """
+    """Parse the regular file at `path`, a link only if `follow`, as `parse_yaml` (ValueError names the file)."""
     try:
         return parse_yaml(read_file(path, limits.size, follow).decode(), limits, pairs)
     except OSError as error:

@@ -44,18 +44,12 @@ def stamp_at(start: int, time: float) -> int:
 
 
 class Template:
-    """Messages of which only `count` numbers vary; one compiled call makes the bytes of all of them.
+    """Messages, each with its type, of which only `count` numbers vary; one compiled call makes the bytes of all.
 
-    rosbags serialises the messages once, with a mark in place of each number. The marks in the bytes show where each
-    number belongs, and in which format, so that no rule of CDR stands here. rosbags then serialises the messages with
-    other marks, and RuntimeError is raised unless the template makes the same bytes.
-
-    Parameters
-    ----------
-    messages : sequence of (message, str)
-        Messages and their types, in the order of their bytes.
-    fill : callable
-        Sets `count` numbers in the messages: each is written as it is, or negated, any number of times.
+    `fill` sets the numbers in the messages: each is written as it is, or negated, any number of times. rosbags
+    serialises the messages once, with a mark in place of each number. The marks in the bytes show where each number
+    belongs, and in which format, so that no rule of CDR stands here. rosbags then serialises the messages with other
+    marks, and RuntimeError is raised unless the template makes the same bytes.
     """
 
     def __init__(self, messages: Sequence[tuple[Any, str]], fill: Callable[[Sequence[float]], object], count: int):
@@ -101,19 +95,10 @@ class Template:
 class RobotMessages:
     """Makes all messages that a robot publishes; `topics` has the names of its topics in `TOPICS`.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the device that gives the samples.
-    prefix : str
-        Beginning of the name of every frame.
-    transforms : str
-        Which transforms are published: `NONE`, `ONLY_BASE` or `ALL` of `messages.frames`.
-    variances : sequence of sequence of float
-        Diagonals of the covariances of pose and twist in `odom`, none or 6 numbers each.
-    control : mapping of str to str
-        Resolved names of `joint_commands` and `joint_states`, for a block in the URDF by which ros2_control commands
-        the robot; the block is left out if this is empty.
+    `prefix` begins the name of every frame. `transforms` says which ones are published: `NONE`, `ONLY_BASE` or `ALL` of
+    `messages.frames`. `variances` are the diagonals of the covariances of pose and twist in `odom`, none or 6 numbers
+    each. `control` has the resolved names of `joint_commands` and `joint_states`, for a block in the URDF by which
+    ros2_control commands the robot; the block is left out if this is empty.
     """
 
     def __init__(self, scene: Scene, prefix: str = "", transforms: str = ALL,
@@ -174,18 +159,10 @@ class RobotMessages:
                   stamp_of: Callable[[float], int]) -> list[tuple[str, bytes]]:
         """Return topic (its name in `TOPICS`) and message of all that is published with a sample, in order.
 
-        Parameters
-        ----------
-        values : ndarray, shape (len(FIELDS),)
-            `Simulator.values`.
-        events : ndarray
-            `Simulator.take_events`: the events since the previous sample; each contact among them gives a message.
-        measurements : sequence of Measurement
-            `SensedSimulator.take_measurements`; empty without sensors.
-        stamp : int
-            ROS time [ns] of the sample.
-        stamp_of : callable
-            Returns the ROS time [ns] of a time [s] of the device's clock.
+        `values` are those of `Simulator.values`, shape (len(FIELDS),). Each contact among the `events` since the
+        previous sample, of `Simulator.take_events`, gives a message, and so does each of the `measurements`, of
+        `SensedSimulator.take_measurements`. `stamp` is the ROS time [ns] of the sample; `stamp_of` returns that of a
+        time [s] of the device's clock.
         """
         numbers = values.tolist()
         turns = self._frames.turns(numbers) if self._frames else ()

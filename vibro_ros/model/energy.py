@@ -76,8 +76,7 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: GuardTable) -> Acc
 
 @functools.lru_cache(maxsize=64)
 def _no_accounts(mode_set: ModeSet, guards: tuple[int, ...], count: int) -> AccountTable:
-    """Return the accounts of a scene that asks for none, with so many `guards`, shape (modes, guards of a mode), and so
-    many channels."""
+    """Return no accounts, for `guards` of this shape, (modes, guards of a mode), and so many channels."""
     modes, numbers = len(mode_set.modes), np.empty(0, np.int64)
     return AccountTable(
         force=np.empty((modes, 0, count)), terms=np.empty((modes, 0, count), np.int64), rate=numbers, account=numbers,

@@ -389,8 +389,7 @@ class ModeSet:
         return np.array([guards + [firsts[-1]] * (most - len(guards)) for guards in of_mode])
 
     def target_mode(self, mode: Mode, effect: int, leads_to: tuple[str, str | None, str | None, bool]) -> int:
-        """Number of the mode to which a target of an effect leads from `mode`; `NOTHING` if the effect has no such
-        target there."""
+        """Number of the mode to which a target of an effect leads from `mode`; `NOTHING` if it has no such target."""
         state, ground, bearing, frees_resting_masses = leads_to
         states = ["open" if frees_resting_masses and old == "resting" else old for old in mode.states]
         states[effect] = state
@@ -401,15 +400,13 @@ class ModeSet:
         return self._number_by_states.get(tuple(states), NOTHING)
 
     def with_terms(self, forms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return forms by stance, shape (stances, ..., channels), as forms by mode; and the channels that these read
-        (`terms`)."""
+        """Return forms by stance, shape (stances, ..., channels), as forms by mode, and their channels (`terms`)."""
         return forms[self.stance], _terms_by_mode(self, (forms != 0.0).tobytes(), forms.shape)
 
 
 @functools.lru_cache(maxsize=64)
 def _terms_by_mode(mode_set: ModeSet, nonzeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
-    """Return `terms` by mode of forms by stance with these entries other than 0; cached, because all scenes of a sweep
-    have the same."""
+    """Return `terms` by mode of forms by stance with these entries other than 0, which a sweep's scenes share."""
     return terms(np.frombuffer(nonzeros, dtype=bool).reshape(shape))[mode_set.stance]
 
 

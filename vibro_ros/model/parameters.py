@@ -346,10 +346,7 @@ LIVE: tuple[str, ...] = tuple(name for name, parameter in BY_NAME.items() if par
 
 
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
-    """Return the values of `changes`, a mapping from names to values, checked by the parameters of `table`.
-
-    ValueError for a name that the table lacks (the message suggests the nearest one), or a bad value.
-    """
+    """Return the values of `changes`, by name, checked by the parameters of `table` (ValueError)."""
     by_name = {parameter.name: parameter for parameter in table}
     return {name: parameter_named(name, by_name).checked(value) for name, value in changes.items()}
 

@@ -39,18 +39,9 @@ ROUNDING = 1e-12
 class Scene(ParameterValues):
     """Every parameter of a simulation; immutable.
 
-    Attributes
-    ----------
-    name : str
-        Name of the scene in logs and recordings.
-    parameters : Mapping
-        Name to value, complete; SI units. `SCENE_PARAMETERS` describes each.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is unknown, of the wrong type or out of range, or if parameters
-        contradict each other; the message names the value, the limit and the remedy.
+    `name` is that in logs and recordings. `parameters` maps each name to its value in SI units; `PARAMETERS` describes
+    each. ValueError if a parameter is unknown, of the wrong type or out of range, or if parameters contradict each
+    other; the message names the value, the limit and the remedy.
 
     Examples
     --------
@@ -185,8 +176,7 @@ def _unchecked(name: str, parameters: dict[str, Value]) -> Scene:
 
 
 def given_start(values: ParameterValues) -> dict[str, float]:
-    """Return the state at t = 0 of a scene whose `start.state` is `given`, with the plates' positions [m] (ValueError
-    for an impossible state)."""
+    """Return the given state at t = 0 of a scene, with the plates' positions [m] (ValueError if it is impossible)."""
     numbers = {name: values[f"{PREFIX}{name}"] for name in NUMBERS}
     check_parts(values, numbers, PREFIX)
     plates = {f"{side}_plate_position": values[f"crank.{side}_rod"] + values[f"{side}.gap"] if side in values.plates
@@ -195,10 +185,7 @@ def given_start(values: ParameterValues) -> dict[str, float]:
 
 
 def check_parts(values: ParameterValues, given: Mapping[str, float], prefix: str = "") -> None:
-    """Refuse a nonzero number for a part that the scene does not have, among fields of a state (ValueError).
-
-    `prefix` is the text before a field's name in messages.
-    """
+    """Refuse a nonzero number for a part that the scene lacks (ValueError); `prefix` begins its name in messages."""
     absent = {f"{side}_{field}" for side in ("upper", "inclined") if side not in values.guides
               for field in ("position", "velocity")}
     absent |= {f"{side}_plate_position" for side in ("upper", "inclined") if side not in values.plates}

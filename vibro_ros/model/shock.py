@@ -249,8 +249,7 @@ class Landing:
                                  entries=(sign * speed, *entries))
 
     def _jumps(self, speed_after: Form, rise_after: Form | None = None) -> Jumps:
-        """Jumps of a landing that leaves the body with the speed `speed_after` [m/s] along the ground and `rise_after`
-        [m/s] upwards, 0 if None."""
+        """Jumps of a landing that leaves the body with these speeds [m/s] along the ground and upwards, 0 if None."""
         forms, at = self._forms, self._forms.channels
         speed, fall = forms.body_velocity()
         rise = forms.zero if rise_after is None else rise_after

@@ -95,8 +95,7 @@ class Slider:
         return min(self.distance_to_singularity(start), self.distance_to_singularity(end))
 
     def root(self, psi: Any) -> Any:
-        """sqrt(L² - l² sin² psi), factored because the difference would cancel where l is close to L; 0 without a rod.
-        """
+        """sqrt(L² - l² sin² psi), factored, because the difference cancels where l is close to L; 0 without a rod."""
         if self.rod == 0.0:
             return 0.0 * psi
         along = self.radius * _cosine(psi)

@@ -136,8 +136,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
 @functools.lru_cache(maxsize=64)
 def _equation_terms(mode_set: ModeSet, channels: Channels, nonzeros: bytes,
                     shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return `System.reads_all` and `System.reads_forcing` of equations by stance with these entries other than 0;
-    cached as `ModeSet.with_terms`."""
+    """Return `System.reads_all` and `System.reads_forcing` of equations by stance; cached as `ModeSet.with_terms`."""
     acceleration = np.frombuffer(nonzeros, dtype=bool).reshape(shape)
     return terms(acceleration)[mode_set.stance], equation_terms(acceleration, channels)[mode_set.stance]
 
@@ -215,8 +214,7 @@ class _GuardNumbers(NamedTuple):
 
 
 def _guard_table(builder: ModeBuilder) -> tuple[GuardTable, Shock]:
-    """Return the guards, their candidates and their jumps, and the shocks that are no linear jumps; equal forms share
-    a row."""
+    """Return guards, candidates and jumps, and the shocks that are no linear jumps; equal forms share a row."""
     mode_set, forms, channels = builder.mode_set, builder.forms, builder.forms.channels
     rows, matrices, shocks = _Numbering(), _Numbering(), dict[int, tuple[int, NonlinearShock]]()
     numbers, counts = list[_GuardNumbers](), list[int]()

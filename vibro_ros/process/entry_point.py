@@ -147,19 +147,18 @@ class StopRequest:
         self._ignores_second = True
 
     def __enter__(self) -> "StopRequest":
-        self._before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+        self._earlier_handlers = {number: signal.getsignal(number) for number in STOP_SIGNALS}
         _on_stop_signals(self._receive)
         self.signal = _process.signal  # of a signal before, whose KeyboardInterrupt a finaliser has swallowed
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
+        for number, handler in self._earlier_handlers.items():
             signal.signal(number, signal.SIG_IGN if self else handler)
 
     @property
     def exit_code(self) -> int:
-        """128 + the signal's number, as shells expect of a program that a signal ended; 0 if no signal came, or if a
-        signal is the normal end."""
+        """128 + the signal's number, as shells expect; 0 if no signal came, or if a signal is the normal end."""
         return _code_after(self.signal) if self.signal is not None else 0
 
     def __bool__(self) -> bool:

@@ -45,29 +45,24 @@ def kind_of(mode: int) -> str:
     return _KINDS.get(stat.S_IFMT(mode), "")
 
 
-def open_regular_file(path: Path, flags: int = os.O_RDONLY, follow: bool = True) -> int:
-    """Open the regular file at `path` and return its descriptor, which the caller closes; `flags` are for `os.open`.
+def open_to_read(path: Path, follow: bool = True) -> BinaryIO:
+    """Open the regular file at `path` for reading (OSError when it cannot be opened, or is no regular file).
 
-    `follow` says whether `path` itself may be a symbolic link; the folders above it always may. OSError when it cannot
-    be opened, or is no regular file.
+    `follow` says whether `path` itself may be a symbolic link; the folders above it always may.
     """
     _check(path, os.stat(path, follow_symlinks=follow).st_mode)  # before open, which acts on some devices
-    descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | (0 if follow else os.O_NOFOLLOW))
+    flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | (0 if follow else os.O_NOFOLLOW)
+    file = os.fdopen(os.open(path, flags), "rb")
     try:
-        _check(path, os.fstat(descriptor).st_mode)
+        _check(path, os.fstat(file.fileno()).st_mode)
     except OSError:
-        os.close(descriptor)
+        file.close()
         raise
-    return descriptor
-
-
-def open_to_read(path: Path, follow: bool = True) -> BinaryIO:
-    """Open the regular file at `path` for reading (OSError as `open_regular_file`)."""
-    return os.fdopen(open_regular_file(path, follow=follow), "rb")
+    return file
 
 
 def read_file(path: Path, limit: int, follow: bool = True) -> bytes:
-    """Read a regular file of at most `limit` bytes (OSError as `open_regular_file`, and when it is larger)."""
+    """Read a regular file of at most `limit` bytes (OSError as `open_to_read`, and when it is larger)."""
     with open_to_read(path, follow) as file:
         data = file.read(limit + 1)
     if len(data) > limit:
@@ -88,8 +83,7 @@ def replace_file(path: Path, data: bytes) -> None:
 
 @contextmanager
 def replacement(path: Path) -> Iterator[BinaryIO]:
-    """Context with a new file that replaces what is at `path`, even a link, at its end, and not on an error (OSError).
-    """
+    """Context with a new file that replaces what is at `path`, even a link, unless an error ends it (OSError)."""
     fresh = path.with_name(f".{path.name}.{os.urandom(8).hex()}")  # unguessable, so that no link can be put there
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     try:

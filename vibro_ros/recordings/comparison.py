@@ -10,15 +10,7 @@ from vibro_ros.bag.stream import BagStream
 from vibro_ros.messages.codec import first_difference
 from vibro_ros.messages.frames import joints_of
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OF_DC_MOTOR, TOPICS
-from vibro_ros.recordings.rerun import (
-    Recorded,
-    RecordedRun,
-    Rerun,
-    StampError,
-    begins_at_checkpoint,
-    lacks_beginning,
-    recorded_run,
-)
+from vibro_ros.recordings.rerun import Recorded, RecordedRun, Rerun, StampError, recorded_run
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software, tables
 
@@ -110,7 +102,7 @@ class _Comparing:
         self.comparison = Comparison(facts, notes=notes(stream, facts))
         self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
         self._may_be_missing = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
-        self._begun = begins_at_checkpoint(stream, facts)  # samples after a checkpoint are complete
+        self._begun = facts.begins_late and facts.has_checkpoint  # samples after a checkpoint are complete
         self._matched: Counter = Counter()  # messages of the present sample that are equal, by topic
         self._missing: list[tuple[str, int]] = []  # missing messages after others that are there: topic, sample
 
@@ -176,7 +168,7 @@ def notes(stream: BagStream, facts: RecordedRun) -> list[str]:
                   for key, now in present.items() if recorded.get(key, now) != now]
     if unsaid := [key.replace("_", " ") for key in present if key not in recorded]:
         sentences.append(f"the bag does not say its {', '.join(unsaid)}: where they differ, bits may")
-    if lacks_beginning(stream, facts):
+    if facts.lacks_beginning:
         sentences.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: "
                          "commands before are unknown")
     sentences += [f"what came on {facts.topics.get(name, name)} was not recorded" for name in INPUTS

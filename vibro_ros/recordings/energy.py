@@ -8,14 +8,7 @@ from tqdm import tqdm
 from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, OPERATIONS
-from vibro_ros.recordings.rerun import (
-    RecordedRun,
-    Rerun,
-    begins_at_checkpoint,
-    lacks_beginning,
-    most_ticks,
-    recorded_run,
-)
+from vibro_ros.recordings.rerun import RecordedRun, Rerun, most_ticks, recorded_run
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import resets
 
@@ -58,10 +51,10 @@ def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
     first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
     if first is None or last is None:
         raise BagError("the stamps of its odometry are not those of the robot's samples")
-    if lacks_beginning(stream, facts):
+    if facts.lacks_beginning:
         raise BagError("the recording begins after the robot's start, without a checkpoint")
     rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
-    if not begins_at_checkpoint(stream, facts):
+    if not facts.begins_late:
         _check_span(stream, facts, last - rerun.tick, len(times))
     held: dict[str, float] = {}  # accounts [J] since the robot's start, summed over resets
     at_first, of_earlier_runs, resets = held, held, 0

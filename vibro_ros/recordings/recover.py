@@ -7,11 +7,9 @@ link is followed.
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("recover"))
+    raise SystemExit(enter("recover"))
 
 import os
 from collections.abc import Callable, Iterable, Sequence

@@ -1,11 +1,9 @@
 """The `replay` executable: simulates a recorded run again, and compares it, or changes its parameters."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("replay"))
+    raise SystemExit(enter("replay"))
 
 import argparse
 import json
@@ -26,7 +24,7 @@ from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
-from vibro_ros.recordings.rerun import SAMPLED, RecordedRun, Rerun, begins_late, lacks_beginning, recorded_run
+from vibro_ros.recordings.rerun import SAMPLED, RecordedRun, Rerun, recorded_run
 from vibro_ros.recordings.summary import differences_as_text, load_samples, summarise
 from vibro_ros.sensors.device import sensors_on
 from vibro_ros.simulation.motion import SimulationError
@@ -51,7 +49,7 @@ def _compare(bag: Path) -> int:
     with BagStream(bag) as stream:
         comparison = compare(stream)
         flaws = stream.flaws
-        if comparison.difference and lacks_beginning(stream, comparison.facts):
+        if comparison.difference and comparison.facts.lacks_beginning:
             late = (stream.start - comparison.facts.start) * 1e-9
             raise BagError(f"{bag}: cannot be replayed: it begins {late:.3f} s after the robot's start and holds no "
                            "checkpoint, so that what the robot received before is unknown; give a bag of the run's "
@@ -106,7 +104,7 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
         facts = recorded_run(stream)
         scene = facts.scene.with_parameters(changes)
         facts = replace(facts, topics=_sensor_topics(facts, scene) | facts.topics)
-        if begins_late(stream, facts):
+        if facts.begins_late:
             raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
                            "what another would have done until then is unknown; give a bag of the run's beginning")
         rerun = Rerun(facts, scene)

@@ -5,18 +5,15 @@ so that no peak is lost however long the recording is; gaps in the stream stay g
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("report"))
+    raise SystemExit(enter("report"))
 
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +23,7 @@ from vibro_ros.process.entry_point import Parser, exit_code
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line, user_path
 from vibro_ros.process.pictures import Axes, Figure, default_settings, new_figure, png, set_heading, to_rgb
-from vibro_ros.recordings.energy import RECEIVED, energy_of
+from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.summary import as_caption, as_text, impacts_of, load_samples, summarise
 from vibro_ros.simulation.validity import GAP
 
@@ -44,7 +41,7 @@ def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tup
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
     bag = load_samples(folder)
     summary = summarise(bag) | {"energy": energy_of(bag)}
-    text, figure = as_text(summary), plot_run(bag, as_caption(summary), summary["energy"])
+    text, figure = as_text(summary), plot_run(bag, as_caption(summary))
     output.mkdir(parents=True, exist_ok=True)
     files = tuple(output / name for name in ("summary.txt", "summary.json", "report.png"))
     files[0].write_text(text, encoding="utf-8")
@@ -86,7 +83,6 @@ FEW = 3000  # most impacts drawn as marks over the whole run; of more, each is a
 FAR = 10.0  # m, displacement from which the axis is in metres
 STRONG = 8.0  # peak force over the 95 % quantile from which the scale is logarithmic, because a linear one hides most
 MM = 1e3  # mm/m
-_BAR = 1.75  # in, height of the bars of energy
 MOST_MEANS = 240  # most means over whole turns of the crank
 TINT = 0.3  # share of a colour in a pale one, which is opaque, so that it does not mix with what lies below
 
@@ -98,33 +94,26 @@ _GRID, _FRAME, _TEXT, _MARKED, _AIR = "#e8e8e8", "#b0b0b0", "#404040", "#ececec"
 
 _NONE = "N \N{LESS-THAN OR EQUAL TO} 0"
 
-_ACCOUNT_COLOURS = {"motor": "#009e73", "plates": "#999999", "unpaid": "#cc79a7", "drive dampers": "#0072b2",
-            "plate dampers": "#d55e00", "friction": "#e69f00", "blows": "#000000", "landings": "#56b4e9",
-            "stored": "#f0e442"}
-_NEGLIGIBLE = 1e-3  # share of the largest account below which an account is too narrow to be seen
-
 Span = tuple[float, float]
 Panel = Callable[[Axes, Bag, Span], None]
 
 
 @default_settings()
-def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) -> Figure:
+def plot_run(bag: Bag, caption: str = "") -> Figure:
     """Plot body, masses, impacts, ground, motor and power over time [s]; panels without data are left out.
 
-    The whole run is on the left, `MOMENT` seconds of it on the right; `caption` is a line under the title. Below is a
-    bar of the accounts in `energy`, the result of `energy_of`, unless they are unknown.
+    The whole run is on the left, `MOMENT` seconds of it on the right; `caption` is a line under the title.
     """
     whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
-    below = _BAR if energy and "accounts" in energy else 0.0
-    height = 1.3 + 1.75 * len(panels) + below
+    height = 1.3 + 1.75 * len(panels)
     figure = new_figure(13.0, height, 120, layout=None)
     heading = set_heading(figure, f"{bag.path.name}\n{caption}", 10, color=_TEXT)
     # Margins [in] are given, because a layout engine would draw everything twice more to find them.
     height += heading.get_window_extent().height / figure.dpi
     figure.set_figheight(height)
     heading.set_y(1.0 - 0.2 / height)
-    figure.subplots_adjust(left=0.07, right=0.985, bottom=(0.55 + below) / height,
-                           top=(0.55 + below + 1.75 * len(panels)) / height, wspace=0.24, hspace=0.42)
+    figure.subplots_adjust(left=0.07, right=0.985, bottom=0.55 / height,
+                           top=(0.55 + 1.75 * len(panels)) / height, wspace=0.24, hspace=0.42)
     axes = figure.subplots(len(panels), 2, sharex="col", width_ratios=(3, 2), squeeze=False)
     for row, draw in zip(axes, panels, strict=True):
         for axis, span in zip(row, (whole, moment), strict=True):
@@ -139,11 +128,6 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
                            strict=True):
         axis.set_title(title, fontsize=10, color=_TEXT, loc="right")
     figure.align_ylabels(axes)
-    if energy and below:
-        bar = figure.add_axes((0.07, 0.62 / height, 0.915, 0.62 / height))
-        draw_energy(bar, energy)
-        bar.spines[["top", "right"]].set_visible(False)
-        bar.tick_params(color=_FRAME, labelcolor=_TEXT)
     return figure
 
 
@@ -310,37 +294,6 @@ def _tidy(axes: Axes, span: Span) -> None:
     if handles:
         axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=len(handles), frameon=False,
                     fontsize=8.5, labelcolor=_TEXT, borderaxespad=0.0, columnspacing=1.2, handletextpad=0.5)
-
-
-def draw_energy(axes: Axes, energy: dict[str, Any]) -> None:
-    """Draw the accounts of `recordings.energy.energy_of`; an account with reversed sign goes to the other bar."""
-    received, spent = parts_of(energy["accounts"])
-    for row, parts in enumerate((spent, received)):
-        start = 0.0
-        for name, amount in parts.items():
-            axes.barh(row, amount, left=start, color=_ACCOUNT_COLOURS[name], edgecolor="white", lw=0.8, height=0.72,
-                      label=f"{name} {amount:.4g} J")
-            start += amount
-    handles, labels = axes.get_legend_handles_labels()
-    first = len(spent)  # received amounts come first, as their bar stands above
-    axes.legend(handles[first:] + handles[:first], labels[first:] + labels[:first], loc="upper left",
-                bbox_to_anchor=(0.0, -0.32), ncols=len(handles), frameon=False, fontsize=8.5, handlelength=1.0,
-                handletextpad=0.4, columnspacing=1.2, borderaxespad=0.0)
-    axes.set_yticks([0, 1], ["lost and\nstored", "received"])
-    axes.set_xlim(0.0, max(sum(received.values()), sum(spent.values())) or 1.0)
-    axes.set_xlabel("energy [J]", loc="right", labelpad=-1.0)
-    axes.set_title("where the energy went: the recorded run, simulated again; the motor's work is net of what the "
-                   f"springs returned, {energy['accounts']['motor_taken_back']:.4g} J", fontsize=8.5, loc="left")
-
-
-def parts_of(accounts: dict[str, float]) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the received amounts [J], and the lost or stored ones, none negative; negligible ones are left out."""
-    keys = {name: name.replace(" ", "_") for name in _ACCOUNT_COLOURS}
-    signed = {name: accounts.get(key, 0.0) * RECEIVED.get(key, -1.0) for name, key in keys.items()}
-    signed["motor"] = accounts["motor_delivered"] - accounts["motor_taken_back"]
-    least = _NEGLIGIBLE * max(map(abs, signed.values()))
-    received = {name: amount for name, amount in signed.items() if amount > least}
-    return received, {name: -amount for name, amount in signed.items() if amount < -least}
 
 
 def line(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, **style: object) -> None:

@@ -14,7 +14,7 @@ import math
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -74,6 +74,13 @@ class RecordedRun:
     scene: Scene
     start: int
     topics: dict[str, str]
+    begins_late: bool = False  # whether the bag lacks the run's beginning
+    has_checkpoint: bool = False  # whether the bag has a checkpoint, from which the run can be simulated as well
+
+    @property
+    def lacks_beginning(self) -> bool:
+        """Whether the bag lacks both the run's beginning and checkpoints, so that the run cannot be simulated."""
+        return self.begins_late and not self.has_checkpoint
 
     @property
     def rate(self) -> float:
@@ -95,10 +102,7 @@ class RecordedRun:
 
 
 def recorded_run(stream: BagStream) -> RecordedRun:
-    """Return the description of the run in a bag.
-
-    BagError when the bag is not of the robot's own recorder, or its parameters are not valid in this version.
-    """
+    """Return the description of the run in a bag (BagError if it has none that is valid in this version)."""
     known = stream.metadata
     if missing := [key for key in ("scene", "parameters", "start") if key not in known]:
         raise BagError(f"{stream.folder}: says nothing of {', '.join(missing)}; give a bag that the robot recorded "
@@ -116,11 +120,14 @@ def recorded_run(stream: BagStream) -> RecordedRun:
         start = int(known["start"])
         if not 0 <= start <= LAST_STAMP:
             raise ValueError(f"start is {one_line(known['start'])} ns, which is no ROS time")
-        return RecordedRun(defaults | settings, scene, start, robot_topics(stream))
+        run = RecordedRun(defaults | settings, scene, start, robot_topics(stream))
     except (ValueError, AttributeError, TypeError, RecursionError) as error:  # the custom data may be anything
         version = known.get("version", "unknown")
         raise BagError(f"{stream.folder}: cannot be simulated by this version: {error} (recorded by version "
                        f"{version})") from error
+    checkpoints = stream.topics.get(run.topics.get(CHECKPOINT, ""))
+    return replace(run, begins_late=_begins_late(stream, run),
+                   has_checkpoint=checkpoints is not None and checkpoints.messages > 0)
 
 
 class Rerun:
@@ -157,7 +164,7 @@ class Rerun:
         """Simulate the run of a bag again; the device gets the inputs that the robot received after each sample.
 
         Yields the number of each sample, with the device at that sample, and the messages recorded with its stamp;
-        `published` then returns the messages that the robot publishes there. If the bag `begins_late`, the simulation
+        `published` then returns the messages that the robot publishes there. If the bag begins late, the simulation
         begins at its first checkpoint; messages recorded before, and with the checkpoint's sample, are yielded with
         None as the number. `names` are the topics to read, by their keys in `TOPICS`, all by default. If the bag's
         messages end before the sample `until`, the run is simulated up to it.
@@ -166,7 +173,7 @@ class Rerun:
         BagError when the bag's first checkpoint is not valid. SimulationError when the run cannot go on.
         """
         most, headed = most_ticks(stream, self._facts), self._are_headed(stream, names)
-        is_late = begins_at_checkpoint(stream, self._facts)
+        is_late = self._facts.begins_late and self._facts.has_checkpoint
         failure: SimulationError | None = None
         for stamp, recorded in ticks(stream, self._facts, names):
             self.stamp, self.recorded, tick = stamp, recorded, self._facts.tick(stamp)
@@ -233,10 +240,7 @@ class Rerun:
         self.tick, self.origin = tick, tick - since
 
     def receive(self, name: str, data: bytes) -> str:
-        """Pass a recorded command or operation on the topic `name` to the device.
-
-        Return why the message cannot be read, for which reason the robot refused it; else an empty text.
-        """
+        """Pass a recorded command or operation to the device; return why it cannot be read, or an empty text."""
         try:
             message = deserialised(data, TOPICS[name].type)
             operation = read_operation(message.data) if name == OPERATIONS else None
@@ -305,7 +309,7 @@ class Rerun:
                 self.device.command(**{argument: value})
 
 
-def begins_late(stream: BagStream, facts: RecordedRun) -> bool:
+def _begins_late(stream: BagStream, facts: RecordedRun) -> bool:
     """Return whether a bag lacks its run's beginning.
 
     A bag with checkpoints that has the beginning has a checkpoint of the first sample. A bag that was begun while the
@@ -314,17 +318,6 @@ def begins_late(stream: BagStream, facts: RecordedRun) -> bool:
     if stream.start > facts.start or facts.topics.get(CHECKPOINT) not in stream.topics:
         return stream.start > facts.start
     return next((stamp > facts.start for stamp, _ in ticks(stream, facts, (CHECKPOINT,))), False)
-
-
-def begins_at_checkpoint(stream: BagStream, facts: RecordedRun) -> bool:
-    """Return whether a bag lacks its run's beginning but has a checkpoint, from which the run can be simulated."""
-    checkpoints = stream.topics.get(facts.topics.get(CHECKPOINT, ""))
-    return checkpoints is not None and checkpoints.messages > 0 and begins_late(stream, facts)
-
-
-def lacks_beginning(stream: BagStream, facts: RecordedRun) -> bool:
-    """Return whether a bag lacks both its run's beginning and checkpoints, so that the run cannot be simulated."""
-    return begins_late(stream, facts) and not begins_at_checkpoint(stream, facts)
 
 
 def most_ticks(stream: BagStream, facts: RecordedRun) -> int:

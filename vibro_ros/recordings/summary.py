@@ -55,8 +55,7 @@ def load_samples(folder: Path) -> Bag:
 
 
 def _shared(columns: Arrays) -> Arrays:
-    """Return the columns of a topic of joints at the instants that all joints of a robot share, without the joints of
-    other robots."""
+    """Return a topic's columns at the instants that all joints of a robot share, without other robots' joints."""
     common, *parts = series_of(columns)
     if not parts:
         return columns

@@ -63,8 +63,7 @@ def of_imu(scene: Scene, name: str) -> float:
 
 
 def force_at_rest(scene: Scene) -> tuple[float, float]:
-    """Return the specific force [m/s²] along x and upwards of a body at rest on the scene's ground, which an
-    accelerometer measures besides the acceleration."""
+    """Return the specific force [m/s²] along x and upwards of a body at rest on the scene's ground."""
     return scene.gravity
 
 

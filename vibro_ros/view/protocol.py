@@ -68,10 +68,7 @@ class RefusedError(ValueError):
 
 
 def read_request(text: str | bytes) -> Request:
-    """Read the request in a page's text.
-
-    RefusedError when it is not valid; the message says in one line what is wrong.
-    """
+    """Read the request in a page's text (RefusedError says in one line what is wrong)."""
     if isinstance(text, bytes):
         raise RefusedError("bytes are no request; send text")
     try:
@@ -118,10 +115,7 @@ def _shown(value: object) -> str:
 
 
 def text_frame(kind: str, **fields: object) -> str:
-    """Return a text frame: JSON with the `kind` and the `fields`.
-
-    ValueError for a number that is not finite, which a page could not read.
-    """
+    """Return a text frame: JSON with the `kind` and the `fields` (ValueError for a number that is not finite)."""
     return json.dumps({"kind": kind, **fields}, allow_nan=False, separators=(",", ":"))
 
 

@@ -160,10 +160,7 @@ class Server:
 
 
 def listening(address: str, port: int) -> list[socket]:
-    """Return sockets that listen on `address`, an address or a name, and `port`; 0 means any free port.
-
-    ValueError when that is not possible; the message says why, and names the remedy.
-    """
+    """Return sockets that listen on an address or a name and a port, 0 for any free one (ValueError if none can)."""
     try:
         return bind_sockets(port, address)
     except PermissionError:

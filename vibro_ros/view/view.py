@@ -6,11 +6,9 @@ the rest, and the recording of another recorder, is interpolated between the sam
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("view"))
+    raise SystemExit(enter("view"))
 
 import argparse
 import math
@@ -35,7 +33,7 @@ from vibro_ros.process.entry_point import Parser, exit_code, say
 from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.files import one_line, open_to_read, replace_file, user_path
 from vibro_ros.recordings.comparison import notes
-from vibro_ros.recordings.rerun import RecordedRun, Rerun, begins_late, recorded_run
+from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
 from vibro_ros.view.exact import ExactMotion, inexact_spans, spans
 from vibro_ros.view.motion import (
     ExactInterval,
@@ -246,7 +244,7 @@ class _BagMotion:
 
         Its samples are all those that any topic has, and those after which the robot received an input.
         """
-        is_known = not begins_late(self._stream, facts)
+        is_known = not facts.begins_late
         signals = {name: signal for name, signal in self._signals.items() if is_position(name)}
         numbers = {name: np.rint(signal.times * facts.rate).astype(np.int64) for name, signal in signals.items()}
         last = max(int(ticks_of_signal[-1]) for ticks_of_signal in numbers.values() if len(ticks_of_signal))
@@ -297,8 +295,7 @@ class _BagMotion:
         return "" if resolved else "the motion changes too often to be drawn as finely as it was computed"
 
     def _impacts(self, end: float) -> list[dict[str, Any]]:
-        """Return the computed impacts where the motion is exact, and elsewhere the recorded ones, if the bag has them.
-        """
+        """Return the computed impacts where the motion is exact, and the recorded ones elsewhere, if there are any."""
         impacts = list(self._exact.impacts) if self._exact else []
         start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
         recorded = [Impact(stamp + start, stamp + start, side, force)

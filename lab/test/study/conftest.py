@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from browser_pages import browser, open_page, watch  # noqa: F401
+from browser_pages import browser, open_page, session, watch  # noqa: F401
 
 
 @pytest.fixture

@@ -1,11 +1,9 @@
 """The `controller` executable: plays a script of commands to the robot."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("controller"))
+    raise SystemExit(enter("controller"))
 
 import argparse
 import sys
@@ -101,10 +99,7 @@ def _play(script: Script, settings: Mapping[str, Value], node: GuardedNode, stop
 
 
 def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
-    """Refuse a script, read from `file`, with a command that the robot would refuse.
-
-    ValueError: the message names the entry, the topic, the limit and the robot.
-    """
+    """Refuse a script, read from `file`, with a command that the robot would refuse (ValueError)."""
     for segment in script.segments:
         values = [(name, value) for name in segment.given
                   for value in (segment.ramps[name].start, segment.ramps[name].end)]

@@ -167,7 +167,8 @@ class SpeedLaw:
         self._gain = BANDWIDTH * (self._high - self._low) / abs(reach)
         self._integral = self._low + (self._high - self._low) * min(1.0, goal.speed / reach)
         self._target = 0.0
-        self._before: tuple[float, float, int] | None = None  # stamp, position, leaps of the last step
+        self._last_stamp = self._last_position = 0.0  # of the last step
+        self._leaps: int | None = None  # leaps of the position until the last step; None before the first
         self._distance = self._span = 0.0
         self._short: deque[tuple[float, float]] = deque()
         self._settled: float | None = None
@@ -181,14 +182,14 @@ class SpeedLaw:
         """
         stamp, position = mean.stamp, mean.position
         assert stamp is not None and position is not None
-        if self._before is None or self._before[2] != mean.leaps:  # the first step, or one after a leap
+        if self._leaps != mean.leaps:  # the first step, or one after a leap
             self._target = position
             self._short.clear()
             elapsed = 0.0
         else:
-            elapsed = min(stamp - self._before[0], LONGEST_STEP)
+            elapsed = min(stamp - self._last_stamp, LONGEST_STEP)
             self._measure(time, stamp, position)
-        self._before = stamp, position, mean.leaps
+        self._last_stamp, self._last_position, self._leaps = stamp, position, mean.leaps
         if time >= self._duration:
             self._finish()
         return self._follow(elapsed, position)
@@ -220,9 +221,9 @@ class SpeedLaw:
                 self.words.append(f"settled after {time:.1f} s: mean over {SHORT:g} s is {mean:.4f} m/s")
             if time >= self._duration / 2.0 + SHORT:
                 self._strays = min(mean, self._strays[0]), max(mean, self._strays[1])
-        if time >= self._duration / 2.0 and self._before:
-            self._distance += position - self._before[1]
-            self._span += stamp - self._before[0]
+        if time >= self._duration / 2.0:
+            self._distance += position - self._last_position
+            self._span += stamp - self._last_stamp
 
     def _finish(self) -> None:
         self.over = True

@@ -167,10 +167,7 @@ class LiveRobot:
 
 
 def read_sample(data: bytes) -> tuple[int, np.ndarray] | None:
-    """Return the ROS time [ns] of robot time 0 and the quantities of `FIELDS` from a message on `~/samples`.
-
-    None if `data` is no sample of this version.
-    """
+    """Return the ROS time [ns] of robot time 0 and the `FIELDS` of a message on `~/samples`; None if it is none."""
     try:
         message = deserialised(data if len(data) <= LONGEST else b"", TOPICS[SAMPLES].type)
     except ValueError:

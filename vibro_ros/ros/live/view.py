@@ -1,11 +1,9 @@
 """The live half of the `view` executable: a robot in the browser, with its knobs and buttons."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("live_view"))
+    raise SystemExit(enter("live_view"))
 
 import argparse
 import gc
@@ -175,10 +173,7 @@ Answer = Callable[[bool, str], object]  # callback with the outcome of a request
 
 
 class Presence(NamedTuple):
-    """State of the robot for the pages: its settings, start and offered services, or the reason why no robot is shown.
-
-    `origin` is the stamp [ns] of its robot time 0.
-    """
+    """State of the robot for the pages, or why none is shown; `origin` is the stamp [ns] of its robot time 0."""
 
     absence: str
     settings: Settings | None

@@ -47,10 +47,7 @@ def own_arguments(words: Sequence[str], table: Iterable[Parameter] = ()) -> list
 
 
 def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
-    """Check the parameter files named in `words` and return their paths.
-
-    ValueError for a file that is missing, not YAML or without parameters.
-    """
+    """Return the paths of the parameter files named in `words` (ValueError if one is none)."""
     files = tuple(Path(value) for flag, value in _pairs(words) if flag == FILE)
     for path in files:
         parameter_file.sections(path)
@@ -58,10 +55,7 @@ def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
 
 
 def check_addressed(files: Sequence[Path], node: str) -> None:
-    """Refuse parameter files without a section that applies to `node`, a fully qualified name.
-
-    ValueError: the message names the file, the nodes that it addresses, and the remedy.
-    """
+    """Refuse parameter files without a section that applies to `node`, a fully qualified name (ValueError)."""
     for path in files:
         parameter_file.check_addressed(path, parameter_file.sections(path), node)
 
@@ -84,10 +78,7 @@ def folder_of(name: str, words: Sequence[str], node: str) -> Path:
 
 
 def check_names(node: Node, names: Iterable[str]) -> None:
-    """Refuse remappings that make a full name too long, or give two topics the same name.
-
-    ValueError: the message names the topics and the remedy.
-    """
+    """Refuse remappings that make a full name too long, or give two topics the same name (ValueError)."""
     names_of: dict[str, str] = {}
     for name in names:
         try:

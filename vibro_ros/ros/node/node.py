@@ -151,7 +151,7 @@ class PollingSubscription:
 
     The depth of the quality of service limits the messages that wait. `topic` is the topic's full name, `profile` the
     quality of service with the user's `qos_overrides`. `take_message` of rclpy's handle is public but not documented;
-    test_subscriptions.py fails with an explanation when it changes. Do not poll while the node is destroyed.
+    test_node.py fails with an explanation when it changes. Do not poll while the node is destroyed.
 
     A topic without publishers is asked for messages only every `UNPUBLISHED` seconds, and once when its last publisher
     has left, because asking for messages costs three times as much as asking for publishers.
@@ -205,10 +205,7 @@ def installed_type(package: str, kind: str, name: str) -> Any:
 
 
 def message_class(type_name: str) -> type:
-    """Return the class of a message type such as ``nav_msgs/msg/Odometry``.
-
-    ValueError if it is not installed; the message names the package to install.
-    """
+    """Return the class of a message type, ``nav_msgs/msg/Odometry`` (ValueError names the package to install)."""
     package, _, name = type_name.partition("/msg/")
     if not (kind := installed_type(package, "msg", name)):
         raise ValueError(f"{type_name}: no such message here; install the ROS package {package}")

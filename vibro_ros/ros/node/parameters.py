@@ -1,5 +1,6 @@
 """ROS parameters derived from the package's parameter tables."""
 
+import json
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -60,10 +61,7 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
 
 
 def constraints(parameter: Parameter) -> str:
-    """Return in words the constraints that a range cannot express.
-
-    They are the choices, that zero is excluded, or the smallest number other than 0.
-    """
+    """Return in words the constraints that a range cannot express."""
     if parameter.choices:
         return f"one of {', '.join(parameter.choices)}"
     if parameter.smallest:
@@ -112,11 +110,11 @@ def _plain(value: Any) -> Any:
 
 def parameter_lines(table: Iterable[Parameter], values: Mapping[str, Value]) -> str:
     """Return the help text of --help: for each parameter of `table` a line with name, value in `values`, meaning."""
-    return "\n".join(
-        f"  {parameter.name} = {_yaml(values[parameter.name])}{' ' * bool(parameter.unit)}{parameter.unit}: "
-        f"{parameter.description}{_limits(parameter)}"
-        for parameter in table
-    )
+    lines = []
+    for parameter in table:
+        value, unit = json.dumps(values[parameter.name], ensure_ascii=False), f" {parameter.unit}".rstrip()
+        lines.append(f"  {parameter.name} = {value}{unit}: {parameter.description}{_limits(parameter)}")
+    return "\n".join(lines)
 
 
 def _unlimited(parameter: Parameter) -> bool:
@@ -128,11 +126,3 @@ def _limits(parameter: Parameter) -> str:
     if isinstance(parameter.default, float) or parameter.is_numbers and not _unlimited(parameter):
         words.append(f"{parameter.minimum:g} to {parameter.maximum:g}")
     return f" ({', '.join(words)})" if words else ""
-
-
-def _yaml(value: Value) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(str, value))}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from threading import Thread
-from typing import Generic, TypeVar
+from typing import TypeVar
 from warnings import catch_warnings, simplefilter
 
 import rclpy
@@ -129,32 +129,23 @@ def _woken_by_signals(node: GuardedNode) -> Iterator[None]:
         receiver.close()
 
 
-class Work(Generic[Result]):
-    """A piece of work in a thread of its own, so that callbacks run and signals are heard meanwhile.
+def in_thread(work: Callable[[], Result], ended: Callable[[], object]) -> "Future[Result]":
+    """Return the future of a piece of work in a thread of its own: callbacks run and signals are heard meanwhile.
 
     `ended` is called when the work has ended, such as what `waker` returns: else the loop would notice it only after
-    up to `POLL`.
+    up to `POLL`. The process does not wait for the thread, as it would for one of a ThreadPoolExecutor.
     """
+    future: Future[Result] = Future()
+    future.add_done_callback(lambda _: ended())
 
-    def __init__(self, work: Callable[[], Result], ended: Callable[[], object]):
-        self._future: Future[Result] = Future()
-        self._future.add_done_callback(lambda _: ended())
-        Thread(target=self._run, args=(work,), name="work", daemon=True).start()
-
-    def _run(self, work: Callable[[], Result]) -> None:
+    def run() -> None:
         try:
-            self._future.set_result(work())
+            future.set_result(work())
         except BaseException as error:  # the main thread raises it
-            self._future.set_exception(error)
+            future.set_exception(error)
 
-    @property
-    def done(self) -> bool:
-        """Whether the work has ended."""
-        return self._future.done()
-
-    def result(self) -> Result:
-        """Return the result of the work, or raise its error."""
-        return self._future.result()
+    Thread(target=run, name="work", daemon=True).start()
+    return future
 
 
 def spin_once(node: GuardedNode, timeout: float) -> None:

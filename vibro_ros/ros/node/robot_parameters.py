@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import GetParameters, ListParameters
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
@@ -16,7 +16,6 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.files import one_line
-from vibro_ros.ros.node.refusals import peer_text
 
 ASK_PERIOD = 1.0
 """Time [s] without an answer after which a request is repeated. DDS drops a request or its response while only one of
@@ -24,7 +23,6 @@ the two nodes has discovered the other."""
 OF_DEVICE = ("scene", "frame_prefix", "command.timeout")
 """Parameters of the node that peers need besides those of the scene."""
 LONGEST_TEXT = 200  # longest text [characters] among the parameters, except `scene`
-_GROUPS = frozenset(parameter.name.partition(".")[0] for parameter in SCENE_PARAMETERS)
 _NAMES = (*(parameter.name for parameter in SCENE_PARAMETERS), *OF_DEVICE)
 
 
@@ -37,20 +35,11 @@ class Settings:
     command_timeout: float
 
 
-def check_names(names: Sequence[str]) -> None:
-    """Refuse a node whose parameters are not those of this version's robots (ValueError)."""
-    given = set(names)
-    if missing := [name for name in _NAMES if name not in given]:
-        raise ValueError(f"it has no parameter {missing[0]}; name a robot of this version with --robot")
-    if unknown := sorted(name for name in given if name.partition(".")[0] in _GROUPS and name not in _NAMES):
-        raise ValueError(f"it has the parameter {peer_text(unknown[0])}, which this version does not know; use the "
-                         "view of the robot's version")
-
-
 def settings_of(values: Sequence[ParameterValue]) -> Settings:
     """Return the settings from a robot's values of the parameters `_NAMES` (ValueError if they are not valid)."""
     if len(values) != len(_NAMES):
-        raise ValueError(f"it answers {len(values)} values to {len(_NAMES)} names")
+        raise ValueError(f"it answers {len(values)} values to {len(_NAMES)} names, because its parameters are not "
+                         "those of this version's robots; name one of this version with --robot")
     given: Mapping[str, Any] = {name: _value(name, value) for name, value in zip(_NAMES, values, strict=True)}
     of_device = checked_parameters({name: given[name] for name in OF_DEVICE}, DEVICE_PARAMETERS)
     of_scene = {name: value for name, value in given.items() if name not in OF_DEVICE}
@@ -77,42 +66,34 @@ class SceneReader:
 
     def __init__(self, node: Node, robot: str, answered: Callable[[Settings | str], object]):
         self._answered = answered
-        self._list = node.create_client(ListParameters, f"{robot}/list_parameters")
-        self._get = node.create_client(GetParameters, f"{robot}/get_parameters")
+        self._client = node.create_client(GetParameters, f"{robot}/get_parameters")
         self._request: Future | None = None
-        self._due, self._listed = 0.0, False
-        self.reading = True
+        self._due, self.reading = 0.0, True
 
     @property
     def sees_robot(self) -> bool:
         """Whether a node of the robot's name offers its parameter services."""
-        return self._get.service_is_ready()
+        return self._client.service_is_ready()
 
     def read(self) -> None:
-        """Start over with the requests as soon as possible; a pending request is dropped."""
+        """Ask again as soon as possible; a pending request is dropped."""
         self._forget()
-        self._listed, self.reading, self._due = False, True, 0.0
+        self.reading, self._due = True, 0.0
 
     def tick(self) -> None:
-        """Send the next request if it is due; to be called often."""
-        client = self._get if self._listed else self._list
-        if not self.reading or time.monotonic() < self._due or not client.service_is_ready():
+        """Send a request if one is due; to be called often."""
+        if not self.reading or time.monotonic() < self._due or not self.sees_robot:
             return
         self._forget()
         self._due = time.monotonic() + ASK_PERIOD
-        self._request = client.call_async(
-            GetParameters.Request(names=list(_NAMES)) if self._listed else ListParameters.Request())
+        self._request = self._client.call_async(GetParameters.Request(names=list(_NAMES)))
         self._request.add_done_callback(self._take)
 
     def _take(self, future: Future) -> None:
         if future.cancelled() or future != self._request:
             return
-        self._request, self._due = None, 0.0
+        self._request = None
         try:
-            if not self._listed:
-                check_names(future.result().result.names)
-                self._listed = True
-                return
             answer: Settings | str = settings_of(future.result().values)
         except ValueError as error:
             answer = one_line(error, 300)
@@ -121,6 +102,6 @@ class SceneReader:
 
     def _forget(self) -> None:
         """Drop the pending request, here and in the client."""
-        asked, self._request = self._request, None
-        if asked:
-            asked.cancel()
+        request, self._request = self._request, None
+        if request:
+            request.cancel()

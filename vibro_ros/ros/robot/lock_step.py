@@ -84,10 +84,7 @@ class LockStep:
 
 
 def checked_nodes(node: Node, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the full names of the nodes in `clock.lock_step`; none for the default.
-
-    ValueError for an invalid name and for the robot's own name.
-    """
+    """Return the full names of the nodes in `clock.lock_step` (ValueError for an invalid or the robot's own name)."""
     if tuple(names) == NO_NODES:
         return ()
     full = tuple(name if name.startswith("/") else f"{node.get_namespace().rstrip('/')}/{name}" for name in names)

@@ -132,24 +132,21 @@ class Recording:
         return recorder is not None and recorder.is_backlogged
 
     def begin(self) -> None:
-        """Record from now on (ValueError, OSError: see `Recorder`)."""
-        self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
+        """Record from now on (ValueError when the folder cannot be written)."""
+        try:
+            self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
+        except OSError as error:
+            raise ValueError(f"record.directory: {error}") from error
         self._complete_bag = None if self._plan.storage.max_bytes else self._recorder
 
-    def latch(self, latched: Sequence[tuple[str, bytes]]) -> None:
-        """Begin each file of every bag with these messages, pairs of resolved topic name and bytes.
-
-        To be called before the first `record`.
+    def announce(self, custom: Mapping[str, str], latched: Sequence[tuple[str, bytes]]) -> None:
+        """Add to the custom data of each bag, and begin each file of every bag with the messages `latched`, pairs of
+        resolved topic name and bytes; to be called before the first `record`.
         """
+        self._plan = replace(self._plan, metadata={**self._plan.metadata, **custom})
         self._latched = [(topic, data) for topic, data in latched if topic in self._names]
         if self._recorder is not None:
-            self._recorder.latch(self._latched)
-
-    def describe(self, custom: Mapping[str, str]) -> None:
-        """Add to the custom data of each bag, before the messages that come from now on."""
-        self._plan = replace(self._plan, metadata={**self._plan.metadata, **custom})
-        if self._recorder is not None:
-            self._recorder.describe(custom)
+            self._recorder.announce(custom, self._latched)
 
     def record(self, topic: str, stamp: int, data: bytes) -> None:
         """Queue one message for the bag: resolved topic name, ROS time [ns], serialised message. Never blocks."""
@@ -238,21 +235,10 @@ class Recording:
                 recorder = Recorder(folder, (*self._plan.topics, *checkpoint), self._plan.metadata,
                                     storage=self._plan.storage)
                 break
-        recorder.latch(self._latched)
+        recorder.announce({}, self._latched)
         self.latest, self._dropped = recorder, 0
         self._watched.append(recorder)
         return recorder
-
-
-def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
-    """Return a recording, which has begun if `enabled` (ValueError when the folder cannot be written)."""
-    recording = Recording(plan, log)
-    try:
-        if enabled:
-            recording.begin()
-    except OSError as error:
-        raise ValueError(f"record.directory: {error}") from error
-    return recording
 
 
 def _contents(recorder: Recorder) -> str:

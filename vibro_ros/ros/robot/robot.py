@@ -1,11 +1,9 @@
 """The `robot` executable: the virtual device with its ROS interface."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
     from vibro_ros.process.entry_point import enter
 
-    sys.exit(enter("robot"))
+    raise SystemExit(enter("robot"))
 
 import argparse
 import gc
@@ -48,7 +46,7 @@ from vibro_ros.ros.node.process import CLOCK, wait_for_time
 from vibro_ros.ros.robot.diagnostics import Diagnostics
 from vibro_ros.ros.robot.lock_step import checked_nodes
 from vibro_ros.ros.robot.pacing import set_real_time_priority
-from vibro_ros.ros.robot.recording import Plan, check_directory, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.robot.recording import Plan, Recording, check_directory, offer_recovery, plan_recording
 from vibro_ros.ros.robot.run import RobotPublishers, RobotRun
 from vibro_ros.ros.robot.services import offer_disturbances, offer_run_services
 from vibro_ros.sensors.device import new_device
@@ -80,8 +78,8 @@ def _run(words: Sequence[str]) -> int:
                                      [settings[name] for name in VARIANCES], settings["ros2_control"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = process.Work(partial(_prepare, node, settings, scene, plan), process.waker(node))
-        process.spin_until(node, lambda: bool(stop) or preparation.done)
+        preparation = process.in_thread(partial(_prepare, node, settings, scene, plan), process.waker(node))
+        process.spin_until(node, lambda: bool(stop or preparation.done()))
         device = None if stop else preparation.result()
         if not settings["clock.publish"]:  # else the robot itself publishes the time
             wait_for_time(node, lambda: bool(stop))
@@ -144,7 +142,9 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
     log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
-    with open_recording(plan, settings["record.enabled"], log) as recording:
+    with Recording(plan, log) as recording:
+        if settings["record.enabled"]:
+            recording.begin()
         run = RobotRun(node, device, settings, publishers, recording, lambda: bool(stop))
         offer_run_services(node, run)
         offer_disturbances(node, run)
@@ -152,8 +152,7 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
         node.add_on_set_parameters_callback(run.set_parameters)
         # the clocks are read last, after everything that takes time; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
-        recording.describe({"start": str(run.robot_time.start)})
-        recording.latch(publishers.begin(run.robot_time.start))
+        recording.announce({"start": str(run.robot_time.start)}, publishers.begin(run.robot_time.start))
         with run.start(begin):
             diagnostics = Diagnostics(node, run, partial(_now, node, settings, run))
             _offer_simulation(node, run, settings["frame_prefix"] + ODOM)

@@ -279,10 +279,7 @@ class RobotRun:
                 self._enter(RunState.PAUSED)
 
     def set_parameters(self, parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
-        """Change parameters of the scene, and the real-time factor, at one instant of robot time; all of them, or none.
-
-        The node calls this for each request, and answers with the result.
-        """
+        """Change parameters at one instant of robot time, all of them or none; the node answers with the result."""
         try:
             values = {parameter.name: parameter.value for parameter in parameters}  # checked by `set_refusal`
             with self._locked():
@@ -352,8 +349,7 @@ class RobotRun:
     # With the lock held.
 
     def _enter(self, state: RunState | Steps, error: Exception | None = None) -> None:
-        """Enter a state: the one place where it changes. Steps that end so are answered, by an `error` if one is given.
-        """
+        """Enter a state: the one place where it changes. Steps that end so are answered, with an `error` if given."""
         left, self.state = self.state, state
         if state is RunState.RUNNING:
             self.pacing.follow(self.robot_time.time)

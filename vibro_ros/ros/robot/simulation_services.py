@@ -8,6 +8,7 @@ import math
 import re
 import time
 from collections.abc import Awaitable, Callable, Iterable
+from functools import partial
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
@@ -71,8 +72,6 @@ TRANSITIONS: dict[int, dict[int, tuple[str, ...]]] = {
 """The operations that lead from one state to another. `STOPPED` to `PAUSED` is missing: it is the example of an
 incorrect transition in the definition of simulation_interfaces, because a stopped simulation stands still already."""
 
-Answer = Callable[[Any, Any], Awaitable[Any]]
-
 
 class RefusalError(ValueError):
     """Refusal of a request: `code` is the reason for programs, `words` that for people, with value, limit and remedy.
@@ -86,11 +85,7 @@ class RefusalError(ValueError):
 
 
 def transition(current: int, wanted: int) -> tuple[str, ...]:
-    """Return the operations that lead from the current state to the wanted one.
-
-    RefusalError when the number is no state, when this robot never has that state, when the robot is in it already, or
-    when no transition leads there.
-    """
+    """Return the operations that lead from the current state to the wanted one (RefusalError if none do)."""
     if wanted in (SimulationState.STATE_NO_WORLD, SimulationState.STATE_LOADING_WORLD):
         raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, f"{wanted}: a robot is always in its scene; give one of "
                                                               f"{_state_list(TRANSITIONS)}")
@@ -197,21 +192,18 @@ class SimulationServices:
             node.get_logger().info(f"{PACKAGE} lacks {', '.join(missing)}: without "
                                    f"{', '.join(OFFERED[name][0] for name in missing)}")
         self._features = sorted({feature for name in types for feature in OFFERED[name][1]})
-        answers: dict[str, Answer] = {
-            "ResetSimulation": self._reset, "SetSimulationState": self._set_state, "StepSimulation": self._step,
-            "GetEntities": self._entities, "GetEntitiesStates": self._entities_states,
-            "GetEntityInfo": self._entity_info, "GetEntityState": self._entity_state,
-            "SetEntityState": self._set_entity_state}
+        acts = {"GetSimulatorFeatures": self._get_features, "ResetSimulation": self._reset,
+                "GetSimulationState": self._get_state, "SetSimulationState": self._set_state,
+                "StepSimulation": self._step, "GetEntities": self._entities,
+                "GetEntitiesStates": self._entities_states, "GetEntityInfo": self._entity_info,
+                "GetEntityState": self._entity_state, "SetEntityState": self._set_entity_state}
         group = ReentrantCallbackGroup()  # so that others are served while one waits for steps
         for name, kind in types.items():
-            path = OFFERED[name][0]
-            if name == "SimulateSteps":
-                self._offer_steps(kind, path)
-            elif name in answers:
-                node.create_service(kind, path, _answering(answers[name]), callback_group=group)
+            path, _ = OFFERED[name]
+            if name in acts:
+                node.create_service(kind, path, partial(_answer, acts[name]), callback_group=group)
             else:
-                handler = self._get_features if name == "GetSimulatorFeatures" else self._get_state
-                node.create_service(kind, path, handler)
+                self._offer_steps(kind, path)
 
     @property
     def state(self) -> int:
@@ -222,13 +214,11 @@ class SimulationServices:
             return SimulationState.STATE_PLAYING
         return SimulationState.STATE_STOPPED if self._run.robot_time.at_start else SimulationState.STATE_PAUSED
 
-    def _get_features(self, request: Any, response: Any) -> Any:
+    async def _get_features(self, request: Any, response: Any) -> None:
         response.features.features, response.features.custom_info = self._features, ABOUT
-        return response
 
-    def _get_state(self, request: Any, response: Any) -> Any:
-        response.state.state, response.result.result = self.state, Result.RESULT_OK
-        return response
+    async def _get_state(self, request: Any, response: Any) -> None:
+        response.state.state = self.state
 
     async def _reset(self, request: Any, response: Any) -> None:
         check_scope(request.scope)
@@ -343,11 +333,9 @@ class SimulationServices:
         ActionServer(node, kind, name, execute, cancel_callback=cancel, result_timeout=RESULT_TIMEOUT)
 
 
-def _answering(perform: Callable[[Any, Any], Awaitable[None]]) -> Answer:
-    """Return a callback that runs `perform`, which fills the response or raises, and then fills in the result."""
-    async def answer(request: Any, response: Any) -> Any:
-        await perform(request, response)
+async def _answer(act: Callable[[Any, Any], Awaitable[None]], request: Any, response: Any) -> Any:
+    """Return the response to a request, which `act` fills in, or refuses by an error."""
+    await act(request, response)
+    if hasattr(response, "result"):
         response.result.result = Result.RESULT_OK
-        return response
-
-    return answer
+    return response
