@@ -123,18 +123,3 @@ def test_groups_of_instants_meet_ends_of_disturbances_and_edges_as_all_at_once_d
         assert device.disturbances == {} and samples.body_position.max() > 0.001
         runs.append([*(values.tobytes() for values in vars(samples).values()), accelerations.tobytes()])
     assert runs[0] == runs[1]
-
-
-def test_commands_at_one_instant_act_in_their_order():
-    """A second command at the same time replaces the first, with and without an `advance_to` between them."""
-    finals = []
-    for repeat in (False, True):
-        device = vibro_ros.Simulator(vibro_ros.load_scene("unilateral"))
-        device.advance_to(0.05)
-        if repeat:
-            device.command(motor_speed=50.0, upper_gap=0.001)
-            device.advance_to(0.05)
-        device.command(motor_speed=110.0, upper_gap=0.0002)
-        device.advance_to(0.2)
-        finals.append(dataclasses.astuple(device.state))
-    assert finals[0] == finals[1]

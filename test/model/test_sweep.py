@@ -84,7 +84,8 @@ ALL = OF_EFFECTS | {"signal_table", "_longest_segments", "_compile_machine", "ch
     ("device", "guide.angle", OF_EFFECTS), ("device", "upper.spring.damping", OF_EFFECTS | {"signal_table"}),
     ("damped", "ground.friction", OF_EFFECTS | {"signal_table", "_longest_segments"}),
     ("machine", "motor.supply_voltage", OF_EFFECTS | {"signal_table", "_longest_segments"}),
-    ("device", "motor.max_speed", ALL), ("device", "motor.supply_voltage", ALL)])
+    ("device", "motor.max_speed", ALL), ("device", "motor.supply_voltage", ALL), ("paper", "motor.speed", ALL),
+    ("device", "gap_actuator.speed", ALL)])
 def test_a_sweep_makes_only_what_its_parameter_touches(name, parameter, kept):
     forget()
     scene = vibro_ros.load_scene(name)

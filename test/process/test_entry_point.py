@@ -137,12 +137,6 @@ def requested(start: Start, held: str = "pass", condition: str = "not stop", res
     return planted_executable(start, *(line.format(held=held, condition=condition, rest=rest) for line in REQUEST))
 
 
-def test_a_request_is_polled(start):
-    process = requested(start)
-    process.send_signal(signal.SIGHUP)
-    assert said_after(process, PROMPT) == (7, "asked\n", "")
-
-
 def test_a_signal_that_a_finaliser_swallowed_before_is_a_request(start):
     finaliser = f"lambda _: ({READY}, time.sleep(600))"
     process = planted_executable(start, f"type('Dying', (), {{'__del__': {finaliser}}})()", *(

@@ -5,12 +5,8 @@ from functools import partial
 from itertools import islice
 
 import pytest
-import rclpy
 from observation import write
 from rcl_interfaces.srv import GetParameters
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
@@ -118,17 +114,14 @@ def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, clock, t
     assert clock.heard == [10.0, 0.0]
 
 
-def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monkeypatch):
+def test_what_is_due_is_done_before_the_next_request_is_answered(bench):
     """Both run in one process, so that the order is visible: at every answer after a new time but the first, the
     commands that are due at that time have been sent.
     """
     done: list[object] = []
-    context = Context()
-    rclpy.init(context=context, domain_id=domain_id)
-    peer = Node("peer", context=context)
-    clock = peer.create_publisher(Clock, "/clock", 10)
+    clock = bench.node.create_publisher(Clock, "/clock", 10)
     with StopRequest() as stop, process.node_running("player", SIMULATED) as node:
-        client = peer.create_client(GetParameters, "asked")
+        client = bench.node.create_client(GetParameters, "asked")
         steps = iter([(tick, call) for tick in range(200) for call in range(BARRIER)])
 
         def publish(tick: int) -> None:
@@ -152,27 +145,15 @@ def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monk
         schedule = [(tick * 1e-3, partial(done.append, tick)) for tick in range(200)]
         ask_next()
         assert Player(node, {}).run(schedule, 0.0, stop) == 0
-    rclpy.shutdown(context=context)
     for tick in range(199):  # the last one's answers are no longer waited for
         assert done.index(tick) < done.index(f"{tick} {BARRIER - 1}"), tick
 
 
-def test_time_between_two_instants_is_never_beyond_the_second(domain_id: int):
+def test_time_between_two_instants_is_never_beyond_the_second(domain_id):
     """When the clock was read twice, one wait in fifty reported a time after the instant."""
-    context = Context()
-    rclpy.init(context=context, domain_id=domain_id)
-    node = Node("player", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
     told: list[float] = []
-    try:
-        player = Player(node, {}, meanwhile=told.append, period=1e-6)
-        schedule = [(5e-4 * k, partial(told.append, 5e-4 * k)) for k in range(3000)]
-        with StopRequest() as stop:
-            assert player.run(schedule, 0.0, stop) == 0
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
+    schedule = [(5e-4 * k, partial(told.append, 5e-4 * k)) for k in range(3000)]
+    with StopRequest() as stop, process.node_running("player", ()) as node:
+        assert Player(node, {}, meanwhile=told.append, period=1e-6).run(schedule, 0.0, stop) == 0
     assert len(told) > len(schedule) + 300, "too few waits to tell"
     assert told == sorted(told)

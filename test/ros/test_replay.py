@@ -1,4 +1,4 @@
-"""A replay computes a recording again to the last bit, from its beginning or from each of its checkpoints, and finds
+"""A replay computes a recording again to the last bit, from its beginning or from a checkpoint, and finds
 any changed bit, stamp, message or command.
 """
 
@@ -264,8 +264,9 @@ def record_at_random(start, bench, folder: Path, seed: int, seconds: float) -> t
 
 
 def differences_in(bag: Path) -> tuple[int, list[str]]:
-    """Replay a bag from each of its beginnings; return how many there are, and the differences in words."""
+    """Replay a bag from up to eight of its beginnings; return from how many, and the differences in words."""
     starts, differences = starts_of(bag), []
+    starts = starts[::1 + len(starts) // 8]
     for stamp in starts:
         with Cut(bag, stamp) as stream:
             if difference := compare(stream).difference:
@@ -274,7 +275,7 @@ def differences_in(bag: Path) -> tuple[int, list[str]]:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_every_bag_of_a_random_run_replays_from_each_of_its_checkpoints(start, bench, tmp_path, seed):
+def test_every_bag_of_a_random_run_replays_from_its_checkpoints(start, bench, tmp_path, seed):
     recorded, done = record_at_random(start, bench, tmp_path, seed, 3.0)
     replayed = [differences_in(bag) for bag in recorded]
     assert not [difference for _, differences in replayed for difference in differences]

@@ -52,23 +52,6 @@ def test_a_turn_without_contacts_has_one_segment_for_each_cell():
     assert made.statistics["steps"] - steps <= cells * turns + 1.0
 
 
-@pytest.mark.parametrize("changes", [
-    {"motor.speed": 50.0}, {"upper.gap": 0.001}, {"inclined.gap": -0.001}, {"gap_actuator.speed": 0.001},
-    {"effects.motor": "lag"}, {"motor.acceleration": 10.0}, {"start.state": "zero"}, {"solver.method": "rk4"}],
-    ids=lambda changes: next(iter(changes)))
-def test_a_sweep_over_the_operation_compiles_once(changes):
-    """Speeds, gaps, start and method do not enter the compiled equations."""
-    scene = vibro_ros.load_scene("device")
-    assert compile_scene(scene.with_parameters(changes)) is compile_scene(scene)
-
-
-@pytest.mark.parametrize("changes", [{"mass.upper": 0.12}, {"guide.angle": 0.7}, {"ground.friction": 0.1}],
-                         ids=lambda changes: next(iter(changes)))
-def test_another_machine_is_compiled_anew(changes):
-    scene = vibro_ros.load_scene("device")
-    assert compile_scene(scene.with_parameters(changes)) is not compile_scene(scene)
-
-
 def peak_memory(function):
     """Return the largest memory [bytes] that a call uses at a time."""
     tracemalloc.start()

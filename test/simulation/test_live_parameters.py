@@ -153,24 +153,6 @@ def test_an_empty_command_changes_nothing_but_rounding():
     np.testing.assert_allclose(made.state.body_position, untouched.state.body_position, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("acceleration", [200.0, 1.0, 1e5])
-def test_the_ramp_motor_keeps_to_its_acceleration(acceleration):
-    """ω = a t and θ = a t²/2 up to the target, which is reached exactly at v/a; the event has this instant."""
-    made = device_with(RAMP | SWINGING | {"motor.acceleration": acceleration})
-    end = 30.0 / acceleration
-    made.command(motor_speed=30.0)
-    for share in (0.0, 0.1, 0.5, 0.999):
-        made.advance_to(share * end)
-        assert made.state.motor_speed == pytest.approx(acceleration * share * end, rel=1e-13)
-        assert made.state.crank_angle == pytest.approx(acceleration * (share * end) ** 2 / 2, rel=1e-14)
-        assert len(of_kind(made.take_events(), "motor_ramp_end")) == 0
-    made.advance_to(end + 1.0)
-    assert made.state.motor_speed == 30.0
-    assert made.state.crank_angle == pytest.approx(30.0 * (end / 2 + 1.0), rel=1e-14)
-    (event,) = of_kind(made.take_events(), "motor_ramp_end")
-    assert event["time"] == pytest.approx(end, rel=1e-14)
-
-
 def test_asking_for_the_present_speed_or_gap_is_no_ramp():
     made = device_with(RAMP | SWINGING)
     made.command(motor_speed=0.0, upper_gap=0.0)

@@ -49,7 +49,7 @@ def run_with(last, *acts):
 def test_a_controller_that_takes_more_samples_than_a_page_can_show_is_said_to(tmp_path):
     scene = vibro_ros.load_scene("machine").with_parameters({
         "motor.control_rate": 25_000.0, "motor.proportional_gain": 1.0})
-    motion, _ = read(robot_bag(tmp_path / "bag", scene, 41, COMMANDS, RATE))
+    motion, _ = read(robot_bag(tmp_path / "bag", scene, 121, COMMANDS, RATE))
     assert motion.header["why"] == "the motion changes too often to be drawn as finely as it was computed"
     assert not motion.header["exact"]
 

@@ -26,7 +26,15 @@ from vibro_lab.orbits.chaos import exponent_of_pairs, half_interval
 from vibro_lab.orbits.orbit import fixed_point, orbit_at
 from vibro_lab.orbits.recurrence import SettledMotion, number_among, settle
 from vibro_lab.orbits.starts import SETTLING, drawn_start
-from vibro_lab.orbits.turn_map import Stroboscope, TurnMap, at_cut, free_cut, free_phase, has_sampled_controller
+from vibro_lab.orbits.turn_map import (
+    Stroboscope,
+    TurnMap,
+    at_cut,
+    free_cut,
+    free_phase,
+    has_sampled_controller,
+    whole_number,
+)
 from vibro_ros import Scene, SimulationError, Simulator, core_count, in_processes
 
 MOST_STARTS = 10_000
@@ -229,10 +237,9 @@ def attractors(scene: Scene, starts: int = 16) -> Attractors:
     -79.80 mm/s, again after 3 turns: 75% of starts, exponent -7.5 1/s
     -53.58 mm/s, again after 3 turns: 25% of starts, exponent -11.3 1/s
     """
-    if isinstance(starts, bool) or not isinstance(starts, int | np.integer) or not 1 <= starts <= MOST_STARTS:
-        raise ValueError(f"starts: {starts!r} is out of range; give a whole number from 1 to {MOST_STARTS}")
+    starts = whole_number("starts", starts, 1, MOST_STARTS)
     turn_map = free_cut(scene)
-    jobs = in_processes(partial(_settled, scene, turn_map.phase), range(-1, starts), min(core_count(), int(starts) + 1))
+    jobs = in_processes(partial(_settled, scene, turn_map.phase), range(-1, starts), min(core_count(), starts + 1))
     with closing(jobs):  # else an error's traceback would keep the workers alive until it is collected
         motions, speeds = zip(*(future.result() for _, future in jobs), strict=True)
     grouped, numbers = with_scene_start(motions, speeds)

@@ -12,7 +12,7 @@ from vibro_lab.orbits.continuation import EdgeError, SpecialPoint, follow, speci
 from vibro_lab.orbits.family import BranchPoint, Family, LostError, corrected_orbit, point_at
 from vibro_lab.orbits.orbit import Orbit, Seed, is_same
 from vibro_lab.orbits.passage import same_order
-from vibro_lab.orbits.turn_map import TurnMap, state_names
+from vibro_lab.orbits.turn_map import TurnMap, state_names, whole_number
 from vibro_ros import PARAMETERS, Scene, SimulationError, Simulator
 
 MOST_POINTS = 100_000
@@ -103,8 +103,7 @@ def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool
     >>> branch.end, bool(branch.stable.all()), len(branch.special_points)
     ('motor.speed leaves its range at 103 rad/s', True, 0)
     """
-    if isinstance(points, bool) or not isinstance(points, int | np.integer) or not 2 <= points <= MOST_POINTS:
-        raise ValueError(f"points: {points!r} is out of range; give a whole number from 2 to {MOST_POINTS}")
+    points = whole_number("points", points, 2, MOST_POINTS)
     family, value = Family(orbit.scene, name, (low, high), orbit.turns, orbit.state.crank_angle), orbit.scene[name]
     if not low <= value <= high:
         raise ValueError(f"{name}: the orbit's {value:g} is not from {low:g} to {high:g}; give a range that holds it")

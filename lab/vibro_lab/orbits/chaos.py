@@ -25,7 +25,7 @@ from scipy.stats import t as student
 from vibro_lab.orbits.orbit import derivative
 from vibro_lab.orbits.recurrence import FIRST_TURNS, long_cycle, settle
 from vibro_lab.orbits.recurrence import MOST_TURNS as MOST_SETTLING
-from vibro_lab.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, crank_speed, free_cut
+from vibro_lab.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, crank_speed, free_cut, whole_number
 from vibro_ros import Scene, Simulator
 
 LEAST_TURNS, MOST_TURNS = 20, 1_000_000
@@ -100,14 +100,13 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTL
     damped: the largest is below 0
     unilateral: the largest is above 0
     """
-    for name, value, least in (("turns", turns, LEAST_TURNS), ("settling", settling, FIRST_TURNS)):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= MOST_TURNS:
-            raise ValueError(f"{name}: {value!r} is out of range; give a whole number from {least} to {MOST_TURNS}")
+    turns = whole_number("turns", turns, LEAST_TURNS, MOST_TURNS)
+    settling = whole_number("settling", settling, FIRST_TURNS, MOST_TURNS)
     check_closes(scene)
     turn_map = free_cut(scene)
     stroboscope = Stroboscope(turn_map)
     stroboscope.begin_as()
-    motion = settle(stroboscope, most=int(settling))
+    motion = settle(stroboscope, most=settling)
     if motion is not None and motion.turns:
         return spectrum_of_cycle(turn_map, motion.states)
     return spectrum_until_known(turn_map, stroboscope.turns(1).states[-1], turns)

@@ -23,6 +23,7 @@ from vibro_lab.orbits.turn_map import (
     free_cut,
     free_phase,
     turn_round,
+    whole_number,
 )
 from vibro_ros import Samples, Scene, SimulationError, Simulator
 
@@ -124,8 +125,7 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     >>> orbit.stable, f"{orbit.mean_speed * 1e3:.6f} mm/s", f"{abs(orbit.multipliers[0]):.6f}"
     (True, '-61.180667 mm/s', '0.607019')
     """
-    if isinstance(turns, bool) or not isinstance(turns, int | np.integer) or not 1 <= turns <= MOST_TURNS:
-        raise ValueError(f"turns: {turns!r} is out of range; give a whole number from 1 to {MOST_TURNS}")
+    turns = whole_number("turns", turns, 1, MOST_TURNS)
     check_closes(scene)
     TurnMap(scene)  # refuses a crank that stands
     device, repeats = Simulator(scene), 0
@@ -150,7 +150,7 @@ def orbit_at(turn_map: TurnMap, closed: FixedPoint, turns: int) -> Orbit:
     """Return the orbit through a fixed point of the map, with multipliers and mean speed."""
     multipliers, error = _multipliers(turn_map, closed.state, turns)
     end = turn_map(closed.state, turns)
-    return Orbit(turn_map.scene, int(turns), turn_map.sample(closed.state), multipliers, error,
+    return Orbit(turn_map.scene, turns, turn_map.sample(closed.state), multipliers, error,
                  end.advance / end.duration, closed.residual, end.duration)
 
 

@@ -271,6 +271,13 @@ def check_closes(scene: Scene) -> None:
             "settled_motion and study diagram, basins and map tell motions by their recurrence")
 
 
+def whole_number(what: str, value: object, least: int, most: int) -> int:
+    """Return `value` if it is an integer from `least` to `most`; else raise a ValueError that begins with `what`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise ValueError(f"{what}: {value!r} is out of range; give a whole number from {least} to {most}")
+    return int(value)
+
+
 def _length(scene: Scene) -> float:
     return scene["crank.radius"] or max(scene[f"crank.{side}_rod"] for side in scene.guides or ("upper",))
 

@@ -22,12 +22,13 @@ from vibro_lab.orbits.turn_map import (
     free_cut,
     has_sampled_controller,
     state_names,
+    whole_number,
 )
 from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution
 from vibro_lab.study.table import NUMBERS, Field, Study, computed, file_of, table_of
-from vibro_lab.study.variation import limits_in_words, whole_number
+from vibro_lab.study.variation import limits_in_words
 from vibro_ros import STATE_UNITS, Parser, Scene, SimulationError, Value
 
 FOLDER, STARTS, ATTRACTORS, PICTURE = "blocks", "starts.parquet", "attractors.parquet", "basins.png"

@@ -26,8 +26,8 @@ from typing import Any, NamedTuple
 from tqdm import tqdm
 
 from vibro_lab.executables import EXECUTABLES
+from vibro_lab.orbits.turn_map import whole_number
 from vibro_lab.study.execution import Execution
-from vibro_lab.study.variation import whole_number
 from vibro_ros import (
     PARAMETERS,
     Parser,

@@ -30,12 +30,13 @@ from vibro_lab.orbits.turn_map import (
     has_sampled_controller,
     state_names,
     units_of,
+    whole_number,
 )
 from vibro_lab.study import figures
 from vibro_lab.study.command import Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution, Rows
 from vibro_lab.study.table import Field, Study, computed, file_of, parameter_field, read_block, stored
-from vibro_lab.study.variation import Axis, at_the_edge, ends_at, varied_in_words, whole_number
+from vibro_lab.study.variation import Axis, at_the_edge, ends_at, varied_in_words
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene
 
 UP, DOWN = "up", "down"

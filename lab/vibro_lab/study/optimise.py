@@ -25,12 +25,13 @@ import pyarrow as pa
 from vibro_lab.orbits.attractors import Attractor, group_starts
 from vibro_lab.orbits.chaos import half_interval
 from vibro_lab.orbits.starts import running
+from vibro_lab.orbits.turn_map import whole_number
 from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of, settings_of
 from vibro_lab.study.execution import Execution, Rows
 from vibro_lab.study.measures import MEASURES, drift_in, measure, measure_with_motion
 from vibro_lab.study.table import Field, file_of, parameter_field, table_of
-from vibro_lab.study.variation import Range, at_the_edge, values_at_shares, varied_in_words, whole_number
+from vibro_lab.study.variation import Range, at_the_edge, values_at_shares, varied_in_words
 from vibro_ros import PARAMETERS, Parser, Scene, SimulationError, load_scene, parameter_named, scene_as_file
 
 VARIABLES = (

@@ -23,12 +23,12 @@ from vibro_lab.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS
 from vibro_lab.orbits.family import Family
 from vibro_lab.orbits.orbit import Seed, seeds_of
 from vibro_lab.orbits.starts import running
-from vibro_lab.orbits.turn_map import TurnMap, state_names, units_of
+from vibro_lab.orbits.turn_map import TurnMap, state_names, units_of, whole_number
 from vibro_lab.study import figures
 from vibro_lab.study.command import Progress, Results, StudyCommand, machine_of
 from vibro_lab.study.execution import Execution, Rows
 from vibro_lab.study.table import NUMBERS, Field, Study, check_folder, file_of, parameter_field, stored, table_of
-from vibro_lab.study.variation import Range, varied_in_words, whole_number
+from vibro_lab.study.variation import Range, varied_in_words
 from vibro_ros import PARAMETERS, STATE_UNITS, Parser, Scene, read_scalar, say
 
 BRANCHES, PICTURE = "branches.parquet", "orbits.png"

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vibro_lab.orbits.turn_map import whole_number
 from vibro_lab.study.command import machine_of, settings_of
 from vibro_lab.study.measures import checked_names, checked_times
 from vibro_lab.study.variation import (
@@ -20,7 +21,6 @@ from vibro_lab.study.variation import (
     Sampling,
     sampling_in_words,
     varied_in_words,
-    whole_number,
 )
 from vibro_ros import Scene, Value
 

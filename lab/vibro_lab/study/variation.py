@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
+from vibro_lab.orbits.turn_map import whole_number
 from vibro_ros import PARAMETERS, Parameter, Value, parameter_named, read_scalar
 
 #: Largest number of values of a list or grid, because every file's metadata contain all of them, and of samples.
@@ -168,13 +169,6 @@ def at_the_edge(what: str, ends: Sequence[str], direction: str = "rise") -> str:
     Empty without `ends`, the names of the parameters.
     """
     return f"{what} is at the end of the range of {', '.join(ends)}: it may still {direction} beyond" if ends else ""
-
-
-def whole_number(what: str, value: object, least: int, most: int) -> int:
-    """Return `value` if it is an integer from `least` to `most`; else raise a ValueError that begins with `what`."""
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-        raise ValueError(f"{what}: {value!r} is out of range; give a whole number from {least} to {most}")
-    return value
 
 
 def _axis(name: str, parameters: Sequence[Parameter], values: Sequence[object]) -> Axis:
