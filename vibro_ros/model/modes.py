@@ -32,8 +32,8 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
    `solver/rotor.py` its signals and controller.
 10. `tools/effects.py` and the tables of docs/robot.md: a row of `EFFECTS`. A new kind of event belongs into
     `MODE_EVENTS` and docs/guide/python.md.
-11. Tests: the known answer (docs/known_answers.md), a scene of `EFFECTS` in `test_peer.py`, `VARIANTS` of
-    `test_description.py`. `test_thousand_random_scenes.py` draws every choice by itself.
+11. Tests: the known answer (docs/known_answers.md), a scene of `EFFECTS` in `test_heyoka_robot.py`, `VARIANTS`
+    of `test_description.py`. `test_thousand_random_scenes.py` draws every choice by itself.
 """
 
 import functools
