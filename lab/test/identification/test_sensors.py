@@ -97,6 +97,17 @@ def test_size_of_noise_and_jitter_are_told_apart_by_the_rate(size, jitter):
     assert sizes[0] == pytest.approx(size, rel=0.1 if jitter else 0.05)
 
 
+def test_a_size_that_jitter_hides_is_not_found_to_be_nothing():
+    """Jitter makes 30 times the noise. In two of twenty such draws least squares end at 0, from which no later step
+    would lead away, and all lateness would be one channel's: then the size is what its deviation does not exclude."""
+    rates = 1e5 * np.sin(0.02 * np.arange(300))
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        residuals = random.standard_normal(300) + 3e-4 * random.standard_normal(300) * rates
+        sizes, found = sizes_of(np.zeros(300, int), np.arange(300) > 0, residuals, rates, np.array([False]))
+        assert found == pytest.approx(3e-4, rel=0.2) and 0.4 < sizes[0] < 2.5, seed
+
+
 def test_an_outlier_is_one_among_good_samples_and_no_wrong_model():
     random = np.random.default_rng(2)
     residuals = random.standard_normal(1000)

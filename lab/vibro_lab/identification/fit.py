@@ -250,8 +250,8 @@ class Fitting:
         return parameters
 
     def _misfit_if_late(self, sensor: str, offset: float, spans: np.ndarray, parameters: np.ndarray) -> float:
-        """Return the mean loss of a sensor's measurements in windows that start as they tell, if they are so late [s].
-        """
+        """Return the mean loss of a sensor's measurements in the middle one of windows that start as they tell, if they
+        are so late [s]: in some of them an outlier or a blow spoils the start."""
         self._retime({sensor: offset})
         shooting = self._shooting(spans)
         starts = shooting.windows.spans[:, 0]
@@ -260,7 +260,11 @@ class Fitting:
         mine = np.array([one.sensor == sensor for one in self.recording.channels])[shooting.windows.channel]
         self._retime({sensor: -offset})
         self._passes += shooting.passes
-        return float(shooting.losses(at, 1.0)[0][mine].mean()) if at else math.inf
+        if at is None:
+            return math.inf
+        window, losses = shooting.windows.window[mine], shooting.losses(at, 1.0)[0][mine]
+        count = np.bincount(window)
+        return float(np.median(np.bincount(window, losses)[count > 0] / count[count > 0]))
 
     def _begun_unseen(self, shooting: Shooting, at: Point) -> Point:
         """Return the point that fits the chain loosely, of masses that no sensor measures: again and again from the
