@@ -102,6 +102,8 @@ code = entry_point.enter("planted", {{"planted": Executable("planted", False, ""
 sys.exit(code)
 """
 READY = "__import__('os').write(1, b'ready\\n')"  # not by Python's own buffer, in which a signal may meet it
+#: Ten minutes in short sleeps, because a signal that comes just before a sleep begins does not interrupt that sleep.
+SLEEPS = "[time.sleep(0.01) for _ in range(60_000)]"
 
 
 def planted_executable(start: Start, *lines: str, **options: object) -> subprocess.Popen:
@@ -113,7 +115,7 @@ def planted_executable(start: Start, *lines: str, **options: object) -> subproce
 
 def test_an_interrupt_in_a_text_that_is_executed_gives_the_same_exit_code(start, tmp_path):
     """Python run on a module would end by SIGINT itself, even if the interrupt was caught."""
-    (tmp_path / "door.py").write_text(DOOR.format(main=f"{READY}; exec('time.sleep(600)')"))
+    (tmp_path / "door.py").write_text(DOOR.format(main=f"{READY}; exec('{SLEEPS}')"))
     process = start("-m", "door")
     assert process.stdout.readline() == "ready\n"
     process.send_signal(signal.SIGINT)
@@ -121,8 +123,8 @@ def test_an_interrupt_in_a_text_that_is_executed_gives_the_same_exit_code(start,
 
 
 def test_a_second_signal_ends_a_program_that_swallows_the_first(start):
-    process = planted_executable(start, "try:", f"    {READY}", "    time.sleep(600)", "except KeyboardInterrupt:",
-                      "    __import__('os').write(1, b'no\\n')", "time.sleep(600)")
+    process = planted_executable(start, "try:", f"    {READY}", f"    {SLEEPS}", "except KeyboardInterrupt:",
+                      "    __import__('os').write(1, b'no\\n')", SLEEPS)
     process.send_signal(signal.SIGTERM)
     assert process.stdout.readline() == "no\n"
     process.send_signal(signal.SIGTERM)
@@ -138,7 +140,7 @@ def requested(start: Start, held: str = "pass", condition: str = "not stop", res
 
 
 def test_a_signal_that_a_finaliser_swallowed_before_is_a_request(start):
-    finaliser = f"lambda _: ({READY}, time.sleep(600))"
+    finaliser = f"lambda _: ({READY}, {SLEEPS})"
     process = planted_executable(start, f"type('Dying', (), {{'__del__': {finaliser}}})()", *(
         line.format(held="pass", condition="not stop", rest=0.0) for line in REQUEST))
     process.send_signal(signal.SIGINT)
@@ -168,7 +170,7 @@ def test_nohup_is_heeded_and_an_ignored_ctrl_c_is_not(start):
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-    process = planted_executable(start, READY, "time.sleep(600)", preexec_fn=as_nohup_in_a_script)
+    process = planted_executable(start, READY, SLEEPS, preexec_fn=as_nohup_in_a_script)
     process.send_signal(signal.SIGHUP)
     time.sleep(0.2)  # it must not end, however long one waits
     assert process.poll() is None

@@ -9,6 +9,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.recordings.comparison import notes
+from vibro_ros.recordings.rerun import RecordedRun
 from vibro_ros.simulation import provenance
 
 DEVICE = vibro_ros.load_scene("device")
@@ -21,7 +22,7 @@ def differences(changes=None, without=()):
     told = {key: value for key, value in told.items() if key not in without}
     topics = {name: f"/{name}" for name in ("motor_speed", "upper_gap", "inclined_gap")}
     stream = SimpleNamespace(metadata=told, start=0, topics=set(topics.values()), flaws=())
-    return notes(stream, SimpleNamespace(scene=DEVICE, start=0, topics=topics))
+    return notes(stream, RecordedRun({}, DEVICE, 0, topics))
 
 
 def test_every_entry_is_told_and_nothing_differs_from_itself():

@@ -104,7 +104,7 @@ def test_by_default_all_that_a_scene_has_is_free_and_what_is_0_is_not(tmp_path, 
 @pytest.mark.process
 def test_ctrl_c_ends_a_fit_with_130_and_says_so(tmp_path):
     program = ("import sys, time; from vibro_lab.study import identify as study\n"
-               "def fit(*given, say): print('fitting', flush=True); time.sleep(600)\n"
+               "def fit(*given, say): print('fitting', flush=True); [time.sleep(0.01) for _ in range(60_000)]\n"
                "study.identify = fit\n"
                "from vibro_ros.process.entry_point import enter\n"
                f"sys.exit(study.main(['bag', '--scene', 'damped', '--output', {str(tmp_path / 'out')!r}]))\n")
