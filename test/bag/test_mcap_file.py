@@ -47,6 +47,8 @@ def test_a_record_that_ends_beyond_its_chunk_is_one_kind_of_error():
     for size in range(1, len(whole)):
         with pytest.raises(DamagedError, match="a record ends too early"):
             list(records_in(whole[:size]))
+    with pytest.raises(DamagedError, match="not a record"):
+        list(records_in(whole + bytes(HEAD.size)))
 
 
 def foreign(path, profile, *channels):

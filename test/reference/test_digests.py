@@ -27,9 +27,8 @@ SETTINGS = {"oldest": {"OPENBLAS_CORETYPE": "Prescott", **WITHOUT_AVX2},
 # Of the reference, all tables, and runs of every method, sensor and kind of message.
 IN_CHILDREN = ["tables/", "scene/device/", "scene/machine/", "effect/Stribeck/", "effect/rigid plates/",
                "command/state/", "sensors/", "messages/", "recording/", "random/1"]
-UNCOMPILED = ["tables/", "sensors/device/bmi270",
-              *(f"{case}/{scene}/{method}" for scene in ("damped", "device", "machine")
-                for case, method in (("scene", "exact"), ("command/gaps", "rk4"), ("command/gaps", "rk4_located")))]
+UNCOMPILED = ["tables/", "sensors/device/bmi270", "scene/damped/exact", "scene/device/exact", "scene/machine/exact",
+              "command/gaps/damped/rk4", "command/gaps/damped/rk4_located"]
 BUILDS = [*Path(core.__file__).parent.glob("core*.so")]
 ONLY_PORTABLE = """
 import runpy, sys

@@ -312,4 +312,6 @@ def records_in(raw: bytes) -> Iterator[tuple[int, int, int]]:
         at = begin + length
         if at > size:
             raise DamagedError("a record ends too early")
+        if opcode == 0:  # of no record, and a chunk of zeros would have a million of them
+            raise DamagedError("not a record")
         yield opcode, begin, at
