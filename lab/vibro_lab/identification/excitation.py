@@ -80,7 +80,7 @@ class Excitation:
     @property
     def worst(self) -> tuple[int, float]:
         """Number of parameters that cannot be told, and the largest relative deviation of the others."""
-        tellable = [one for one in self.relative.values() if one < UNTELLABLE]
+        tellable = [relative for relative in self.relative.values() if relative < UNTELLABLE]
         return len(self.relative) - len(tellable), max(tellable, default=math.inf)
 
     @property
@@ -90,8 +90,8 @@ class Excitation:
         entries = [{"for": round(end - time, 6), **given}
                    for (time, given), end in zip(self.commands, ends, strict=True)]
         head = [f"{self.name}, {self.duration:g} s. Expected standard deviations of a fit:", *(
-            f"  {name}: " + (f"{self.deviations[name]:.3g} ({100.0 * one:.2g} %)" if one < UNTELLABLE else
-                             "cannot be told") for name, one in self.relative.items())]
+            f"  {name}: " + (f"{self.deviations[name]:.3g} ({100.0 * relative:.2g} %)" if relative < UNTELLABLE else
+                             "cannot be told") for name, relative in self.relative.items())]
         return "".join(f"# {line}\n" for line in head) + yaml.safe_dump({"entries": entries}, sort_keys=False)
 
 
@@ -140,16 +140,17 @@ def excite(scene: Scene, free: Sequence[str], duration: float = 5.0, sensors: Se
                          "tracking.body_position")
     told = in_processes(partial(_excited, unknowns, duration, chosen), candidates(scene, free, duration),
                         workers or core_count())
-    found = [one for _, future in told if (one := future.result())]
-    if not found:
+    excitations = [excitation for _, future in told if (excitation := future.result())]
+    if not excitations:
         raise ValueError(f"scene {scene.name}: no script of {duration:g} s can be simulated to its end")
-    return tuple(sorted(found, key=lambda one: one.worst))
+    return tuple(sorted(excitations, key=lambda excitation: excitation.worst))
 
 
 def sensors_of(recording: Recording) -> Sensors:
     """Return rates and noise of a recording's channels, without those of an IMU."""
-    return {f"{one.sensor}.{one.field}": ((len(one.times) - 1) / (one.times[-1] - one.times[0]), one.sigma)
-            for one in recording.channels if one.field in SAMPLE_FIELDS}
+    return {f"{channel.sensor}.{channel.field}": ((len(channel.times) - 1) / (channel.times[-1] - channel.times[0]),
+                                                 channel.sigma)
+            for channel in recording.channels if channel.field in SAMPLE_FIELDS}
 
 
 def candidates(scene: Scene, free: Sequence[str], duration: float) -> Iterator[tuple[str, Commands]]:
@@ -192,20 +193,21 @@ def _excited(unknowns: Unknowns, duration: float, sensors: Sensors, script: tupl
     states = state_names(unknowns.scene)
     windows = Windows(Recording(0.0, duration, tuple(channels), commands, ()), states,
                       np.column_stack([edges[:-1], edges[1:]]))
-    shooting = Shooting(windows, lambda own, starts: windows.simulate(unknowns.scene_of(own), Start({}, {}), starts))
+    shooting = Shooting(windows, lambda coordinates, starts: windows.simulate(
+        unknowns.scene_of(coordinates), Start({}, {}), starts))
     try:
         run = simulate(unknowns.scene, times=edges[:-1], commands=commands)
     except (SimulationError, ValueError):
         return None
-    values = {one: unknowns.scene[one] for one in unknowns.names}
-    own = unknowns.coordinates(values)
-    at = shooting.point(own, np.column_stack([getattr(run, state) for state in states]))
+    values = {parameter: unknowns.scene[parameter] for parameter in unknowns.names}
+    coordinates = unknowns.coordinates(values)
+    at = shooting.point(coordinates, np.column_stack([getattr(run, state) for state in states]))
     if at is None:
         return None
     jacobian = _secants(shooting, at)
     information = shooting.equations(at, jacobian, 0.0, TIGHT).information()
-    covariance = np.linalg.inv(information + _BEFORE * np.eye(len(own)))
-    slopes = unknowns.slopes(own)
+    covariance = np.linalg.inv(information + _BEFORE * np.eye(len(coordinates)))
+    slopes = unknowns.slopes(coordinates)
     deviations = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
     units = [max(abs(values[unknown.name]), unknown.unit) for unknown in unknowns.each]
     return Excitation(name, commands, duration, dict(zip(unknowns.names, deviations.tolist(), strict=True)),
@@ -223,9 +225,11 @@ def _secants(shooting: Shooting, at: Point) -> Jacobian:
     linear, joined = np.ones(len(windows.channel), dtype=bool), np.ones(len(windows.spans), dtype=bool)
     residuals, ends = [], []
     for row in np.diag(np.concatenate([np.full(parameters, _STEP), _STATE_STEP * shooting.widths])):
-        one, other = (shooting.point(at.parameters + sign * row[:parameters], at.states + sign * row[parameters:])
-                      for sign in (1.0, -1.0))
-        up, down = (one.found, other.found) if one and other else (at.found, at.found)  # a limit: nothing is told
+        forward, backward = (
+            shooting.point(at.parameters + sign * row[:parameters], at.states + sign * row[parameters:])
+            for sign in (1.0, -1.0))
+        up, down = (forward.found, backward.found) if forward and backward else (
+            at.found, at.found)  # a limit: nothing is told
         change, end = up.residuals - down.residuals, up.ends - down.ends
         linear &= np.abs(up.residuals + down.residuals - 2.0 * at.found.residuals) <= _BENT * np.abs(change) + 0.5
         joined &= (np.abs(up.ends + down.ends - 2.0 * at.found.ends)

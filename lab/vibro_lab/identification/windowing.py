@@ -28,7 +28,7 @@ _FEWEST = 4  # samples for a cubic; where they are far apart a line through two 
 
 def measured(recording: Recording) -> dict[str, Channel]:
     """Return the least noisy channel of each field."""
-    return {one.field: one for one in sorted(recording.channels, key=lambda one: -one.sigma)}
+    return {channel.field: channel for channel in sorted(recording.channels, key=lambda channel: -channel.sigma)}
 
 
 def positions_of(name: str) -> tuple[str, str]:
@@ -61,8 +61,8 @@ def measured_spans(recording: Recording) -> np.ndarray:
     """Return first and last measurement [s] of each part of the recording without pauses, shape (parts, 2). One whose
     stamp is late may be of before time 0, where no motion is known."""
     channels = recording.channels
-    times = np.unique(np.concatenate([one.times[one.times >= 0.0] for one in channels]))
-    spacing = min(float(np.median(np.diff(one.times))) for one in channels)
+    times = np.unique(np.concatenate([channel.times[channel.times >= 0.0] for channel in channels]))
+    spacing = min(float(np.median(np.diff(channel.times))) for channel in channels)
     ends = np.flatnonzero(np.diff(times) > max(_PAUSE, _SPACINGS * spacing))
     firsts, lasts = np.append(0, ends + 1), np.append(ends, len(times) - 1)
     is_long = lasts - firsts + 1 >= _SHORTEST
@@ -86,7 +86,7 @@ def local_states(recording: Recording, names: Sequence[str], starts: np.ndarray,
     `otherwise` has the numbers that are not measured there, of the same shape.
     """
     known, states, longer = measured(recording), otherwise.copy(), longer_reach(recording, names)
-    (before, after), fewest = (longer * part for part in reach), 2 if longer > 1.0 else _FEWEST
+    (reach_before, reach_after), fewest = (longer * part for part in reach), 2 if longer > 1.0 else _FEWEST
     for j, name in enumerate(names):
         position, speed = positions_of(name)
         for k, start in enumerate(starts.tolist()):
@@ -94,7 +94,7 @@ def local_states(recording: Recording, names: Sequence[str], starts: np.ndarray,
             for field, derivative in ((position, False), (speed, True)):
                 if (channel := known.get(field)) is None:
                     continue
-                first, end = np.searchsorted(channel.times, (start - before, start + after), side="right")
+                first, end = np.searchsorted(channel.times, (start - reach_before, start + reach_after), side="right")
                 away = channel.times[first:end] - start
                 powers = np.stack([away**0, away, away**2, away**3], axis=1)
                 if derivative:

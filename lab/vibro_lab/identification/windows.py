@@ -78,8 +78,8 @@ class Colours(NamedTuple):
 
     def differs_from(self, recording: Recording) -> bool:
         """Return whether the noise is another than the recording states, or was found without it."""
-        stated = all(sigma == one.sigma and one.sigma_from != AT_MOST
-                     for sigma, one in zip(self.sigmas.tolist(), recording.channels, strict=True))
+        stated = all(sigma == channel.sigma and channel.sigma_from != AT_MOST
+                     for sigma, channel in zip(self.sigmas.tolist(), recording.channels, strict=True))
         return not stated or bool(self.jitters.any() or self.is_wild.any())
 
 
@@ -116,7 +116,7 @@ class Windows:
         self.recording, self.names, self.spans = recording, names, spans
         self.joined = spans[1:, 0] == spans[:-1, 1]
         channels = recording.channels
-        self._bandwidth = max((one.bandwidth for one in channels), default=0.0)
+        self._bandwidth = max((channel.bandwidth for channel in channels), default=0.0)
         self._blur, self.delay = 0.0, 0.0
         parts = []
         for number, channel in enumerate(channels):
@@ -128,18 +128,19 @@ class Windows:
         of, window, times, values = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.lexsort((of, window))  # stable: the measurements of a channel stay in their order
         self.channel, self.window, self.times, self.values = (part[order] for part in (of, window, times, values))
-        sensors = [one.sensor for one in channels]
+        sensors = [channel.sensor for channel in channels]
         self._sensors = list(dict.fromkeys(sensors))
-        self._sensor = np.array([self._sensors.index(one) for one in sensors])[self.channel]
+        self._sensor = np.array([self._sensors.index(sensor) for sensor in sensors])[self.channel]
         self._message = np.unique(np.stack([self._sensor, self.times]), axis=1, return_inverse=True)[1].ravel()
-        self._fields = np.array([_QUANTITIES.index(one.field) for one in channels])[self.channel]
-        across = [_QUANTITIES.index(_ACROSS.get(one.field, one.field)) for one in channels]
+        self._fields = np.array([_QUANTITIES.index(channel.field) for channel in channels])[self.channel]
+        across = [_QUANTITIES.index(_ACROSS.get(channel.field, channel.field)) for channel in channels]
         self._across = np.array(across)[self.channel]
         self._sign = np.array([{"body_position": 1.0, "body_velocity": 1.0, "body_height": -1.0,
-                                "body_vertical_velocity": -1.0}.get(one.field, 0.0) for one in channels])[self.channel]
-        self._limits = np.array([one.limit for one in channels])[self.channel]
+                                "body_vertical_velocity": -1.0}.get(channel.field, 0.0)
+                               for channel in channels])[self.channel]
+        self._limits = np.array([channel.limit for channel in channels])[self.channel]
         self.values = np.clip(self.values, -self._limits, self._limits)
-        self._of_imu = np.array([one.bandwidth > 0.0 for one in channels])[self.channel]
+        self._of_imu = np.array([channel.bandwidth > 0.0 for channel in channels])[self.channel]
         self.slices = [slice(*np.searchsorted(self.window, (k, k + 1))) for k in range(len(spans))]
         self._states = [SAMPLE_FIELDS.index(name) for name in names]
         self.recolour()
@@ -150,7 +151,7 @@ class Windows:
         The noise of a sample is ``correlation * the one before + white noise``, an AR(1) process. All numbers of a
         message have the same error of its stamp: their residuals g times it are whitened together, which leaves the
         part of length ``|g|`` along g divided by ``sqrt(1 + |g|²)``. An outlier does not count."""
-        sigmas, nothing = np.array([one.sigma for one in self.recording.channels]), np.zeros(len(self.channel))
+        sigmas, nothing = np.array([channel.sigma for channel in self.recording.channels]), np.zeros(len(self.channel))
         self.colours = colours or Colours(sigmas, np.zeros(len(sigmas)), nothing, nothing, nothing, nothing > 0.0)
         sigmas, correlations, jitters, bends, self._shifts, self.is_wild = self.colours
         self.sigmas = np.hypot(sigmas[self.channel], bends)
@@ -228,8 +229,8 @@ class Windows:
         residuals[self.is_wild] = 0.0
         along = np.bincount(self._message, self._jitters * residuals)
         residuals -= self._jitters * (self._along * along)[self._message]
-        before = np.concatenate([[0.0], residuals[:-1]])
-        return Pass((residuals - self._correlation * before) * self._whitening, ends)
+        preceding = np.concatenate([[0.0], residuals[:-1]])
+        return Pass((residuals - self._correlation * preceding) * self._whitening, ends)
 
     def _lateness(self, errors: Errors) -> np.ndarray:
         """Return how late the stamp of each measurement is [s]."""
@@ -265,8 +266,8 @@ class Windows:
 
     def square_of_imu(self, found: Pass) -> float:
         """Return the sum of the squared residuals of an IMU, or of all channels if there is none."""
-        own = found.residuals[self._of_imu] if self._bandwidth else found.residuals
-        return float(own @ own)
+        residuals = found.residuals[self._of_imu] if self._bandwidth else found.residuals
+        return float(residuals @ residuals)
 
     def _blurred(self, residuals: np.ndarray) -> np.ndarray:
         for part in self.slices if self._blur else ():
