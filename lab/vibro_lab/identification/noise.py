@@ -44,8 +44,8 @@ def noise_of(times: np.ndarray, values: np.ndarray) -> tuple[float, float]:
         The smallest estimate of four orders, and their spread: the largest estimate over the smallest. Where the
         spread is large, the motion is larger than the noise, and the estimate only a bound.
     """
-    found = [clipped(_differences(times, values, order)) for order in _ORDERS]
-    return min(found), max(found) / min(found) if min(found) else math.inf
+    estimates = [clipped(_differences(times, values, order)) for order in _ORDERS]
+    return min(estimates), max(estimates) / min(estimates) if min(estimates) else math.inf
 
 
 def _differences(times: np.ndarray, values: np.ndarray, order: int) -> np.ndarray:
@@ -64,8 +64,8 @@ def clipped(magnitudes: np.ndarray) -> float:
     sigma = float(np.median(magnitudes)) / _MEDIAN
     for _ in range(100):
         kept = magnitudes[magnitudes < _CLIP * sigma]
-        before, sigma = sigma, math.sqrt(float(np.mean(kept**2)) / _SHARE) if len(kept) else sigma
-        if abs(sigma - before) <= 1e-4 * sigma:
+        earlier_sigma, sigma = sigma, math.sqrt(float(np.mean(kept**2)) / _SHARE) if len(kept) else sigma
+        if abs(sigma - earlier_sigma) <= 1e-4 * sigma:
             break
     return sigma
 
@@ -117,16 +117,16 @@ def sizes_of(channel: np.ndarray, follows: np.ndarray, residuals: np.ndarray, ra
         kept = squares < (_TRIMMED**2) * expected
         weights = kept / expected
         rows = weights[:, None] * with_size
-        found = nnls(rows, weights * (squares - is_exact[of]))[0]
-        expected = np.maximum(with_size @ found + is_exact[of], 1e-6)
+        variances = nnls(rows, weights * (squares - is_exact[of]))[0]
+        expected = np.maximum(with_size @ variances + is_exact[of], 1e-6)
         deviations = np.sqrt(3.0 * np.maximum(np.diag(np.linalg.pinv(rows.T @ rows)), 0.0))
-        jitter = math.sqrt(found[-1]) * 1e-3
-    if found[-1] < _SURE * deviations[-1]:
+        jitter = math.sqrt(variances[-1]) * 1e-3
+    if variances[-1] < _SURE * deviations[-1]:
         for k in np.flatnonzero(~is_exact):
             sizes[k] = clipped(np.sqrt(squares[of == k])) if (of == k).any() else 1.0
         return sizes, 0.0
     # A square below its own deviation is not told: it may be 0 by chance, and no later step would leave 0.
-    return np.where(is_exact, 1.0, np.sqrt(np.maximum(found, deviations)[:-1])), jitter
+    return np.where(is_exact, 1.0, np.sqrt(np.maximum(variances, deviations)[:-1])), jitter
 
 
 def wild(channel: np.ndarray, residuals: np.ndarray, expected: np.ndarray, beyond: float,
@@ -139,8 +139,8 @@ def wild(channel: np.ndarray, residuals: np.ndarray, expected: np.ndarray, beyon
         mine = np.flatnonzero(channel == number)
         padded = np.pad(away[mine], 3, mode="reflect") if len(mine) > 3 else np.pad(away[mine], 3, mode="edge")
         around = np.median(np.delete(sliding_window_view(padded, 7), 3, axis=1), axis=1)
-        one = away[mine] > beyond * np.maximum(1.0, around / _MEDIAN)
-        is_wild[mine] = one & (one.mean() <= most)
+        is_above = away[mine] > beyond * np.maximum(1.0, around / _MEDIAN)
+        is_wild[mine] = is_above & (is_above.mean() <= most)
     return is_wild
 
 
@@ -153,18 +153,18 @@ def refined_sizes(channel: np.ndarray, message: np.ndarray, residuals: np.ndarra
     of the message say of its lateness leaves of it does. `jitters` is what one standard deviation of lateness makes of
     each residual, `bends` what it makes beside that; all are in the standard deviation stated.
     """
-    before = np.maximum(sizes, 1e-3)
-    sizes, share = before.copy(), 1.0
+    earlier_sizes = np.maximum(sizes, 1e-3)
+    sizes, share = earlier_sizes.copy(), 1.0
     for _ in range(2 * _ROUNDS):
         deviation = np.hypot(sizes[channel], bends)
-        own, along = residuals / deviation, share * jitters / deviation
+        scaled, along = residuals / deviation, share * jitters / deviation
         known = 1.0 + np.bincount(message, along**2)
-        late = np.bincount(message, along * own) / known
-        left = np.minimum((own - along * late[message])**2 + along**2 / known[message], _TRIMMED**2)
+        late = np.bincount(message, along * scaled) / known
+        left = np.minimum((scaled - along * late[message])**2 + along**2 / known[message], _TRIMMED**2)
         share *= math.sqrt(float(np.mean(np.minimum(late**2, _TRIMMED**2) + 1.0 / known)))
         for k in np.flatnonzero(~is_exact):
             mine = (channel == k) & (bends <= sizes[k])
             if mine.sum() > _FEWEST_MIDDLES:
                 square = float(np.mean(left[mine] * deviation[mine]**2) - np.mean(bends[mine]**2))
-                sizes[k] = math.sqrt((max(square, 0.0) + _BEFORE * before[k]**2) / (1.0 + _BEFORE))
+                sizes[k] = math.sqrt((max(square, 0.0) + _BEFORE * earlier_sizes[k]**2) / (1.0 + _BEFORE))
     return sizes, share

@@ -52,7 +52,7 @@ class Nuisances:
     def __init__(self, recording: Recording, scene: Scene, free: Sequence[str], settings: FitSettings,
                  offsets: Mapping[str, float], camera: Sequence[str]):
         self.rests, start = _start(recording, scene, free, settings)
-        names = dict.fromkeys(one.sensor for one in recording.channels)
+        names = dict.fromkeys(channel.sensor for channel in recording.channels)
         known, motor = measured(recording), scene.motor_command
         speeds = [given[motor] for _, given in recording.commands if motor in given]
         tells = len(set(speeds)) > 1 or any(
@@ -66,41 +66,42 @@ class Nuisances:
                   if not (kind == "offset" and sensor in offsets) and (reference or tells)
                   and (sensor != reference or (tells and not scene.has_rotor))]
         frames = [Nuisance(sensor, kind, *CAMERA[kind]) for sensor in names if sensor in CAMERAS for kind in camera]
-        biases = [Nuisance(IMU, one.field, one.bias, one.bias) for one in recording.channels if one.bias]
+        biases = [Nuisance(IMU, channel.field, channel.bias, channel.bias)
+                  for channel in recording.channels if channel.bias]
         self.each = (*start, *clocks, *frames, *biases)
-        self._units = np.array([one.unit for one in self.each])
+        self._units = np.array([nuisance.unit for nuisance in self.each])
         self._rest = {} if scene.has_rotor or scene["effects.motor"] == "ideal" else {"motor_speed": 0.0}
 
     @property
     def coordinates(self) -> np.ndarray:
         """The coordinates to begin with."""
-        return np.array([one.first / one.unit for one in self.each])
+        return np.array([nuisance.first / nuisance.unit for nuisance in self.each])
 
     @property
     def weights(self) -> np.ndarray:
         """Weights of the squares of coordinates in the prior."""
-        return np.array([(one.unit / one.deviation)**2 for one in self.each])
+        return np.array([(nuisance.unit / nuisance.deviation)**2 for nuisance in self.each])
 
     def limits(self, before: int) -> list[tuple[np.ndarray, float, float]]:
         """Return limits for `Shooting.limits`, with so many coordinates before these."""
-        return [(row, -one.limit / one.unit, one.limit / one.unit)
-                for row, one in zip(np.eye(before + len(self.each))[before:], self.each, strict=True)
-                if one.limit < math.inf]
+        return [(row, -nuisance.limit / nuisance.unit, nuisance.limit / nuisance.unit)
+                for row, nuisance in zip(np.eye(before + len(self.each))[before:], self.each, strict=True)
+                if nuisance.limit < math.inf]
 
     def errors(self, coordinates: np.ndarray) -> dict[tuple[str, str], float]:
         """Return the errors of the sensors."""
         values = (coordinates * self._units).tolist()
-        return {(one.owner, one.kind): value for one, value in zip(self.each, values, strict=True)
-                if one.owner not in (START, SETTING)}
+        return {(nuisance.owner, nuisance.kind): value for nuisance, value in zip(self.each, values, strict=True)
+                if nuisance.owner not in (START, SETTING)}
 
     def start(self, coordinates: np.ndarray) -> Start:
         """Return the start; a motor that rests stays at rest."""
         start = Start({}, {})
-        for one, value in zip(self.each, (coordinates * self._units).tolist(), strict=True):
-            if one.owner == SETTING:
-                start.settings[one.kind] = value
-            elif one.owner == START:
-                start.state[one.kind] = value
+        for nuisance, value in zip(self.each, (coordinates * self._units).tolist(), strict=True):
+            if nuisance.owner == SETTING:
+                start.settings[nuisance.kind] = value
+            elif nuisance.owner == START:
+                start.state[nuisance.kind] = value
         if self._rest and "motor_speed" not in start.state:  # it rests, or goes on at the speed commanded
             start.state.update(self._rest if self.rests else {"motor_speed": start.settings["motor.speed"]})
         return start
@@ -165,10 +166,10 @@ def crank_at(recording: Recording, begin: float, speed: float, settings: FitSett
     first, angle = times <= times[min(_FIRST, len(times)) - 1], float(values[0])
     first |= times <= times[0] + settings.first
     if first.sum() > 2:  # a parabola, because the motor may gain speed from the first instant on
-        found, covariance = np.polyfit(times[first] - begin, values[first], 2,
-                                       w=np.full(first.sum(), 1.0 / crank.sigma), cov="unscaled")
-        speed, angle = found[1:].tolist()
-        left = (values[first] - np.polyval(found, times[first] - begin)) / crank.sigma
+        parabola, covariance = np.polyfit(times[first] - begin, values[first], 2,
+                                          w=np.full(first.sum(), 1.0 / crank.sigma), cov="unscaled")
+        speed, angle = parabola[1:].tolist()
+        left = (values[first] - np.polyval(parabola, times[first] - begin)) / crank.sigma
         excess = float(left @ left) / max(first.sum() - 3, 1)  # stamps that jitter make more noise of a fast crank
         if abs(speed) < settings.settled * math.sqrt(covariance[1, 1] * max(excess, 1.0)):
             speed = 0.0

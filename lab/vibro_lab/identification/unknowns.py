@@ -119,13 +119,14 @@ class Unknowns:
 
     def coordinates(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the coordinates of values by name, shape (unknowns,)."""
-        own = np.array([unknown.coordinate(values[unknown.name]) for unknown in self.each])
-        return np.linalg.solve(self.directions, own)
+        coordinates_of_each = np.array([unknown.coordinate(values[unknown.name]) for unknown in self.each])
+        return np.linalg.solve(self.directions, coordinates_of_each)
 
     def values(self, coordinates: np.ndarray) -> dict[str, float]:
         """Return the values of coordinates by name, within their ranges."""
-        own = (self.directions @ coordinates).tolist()
-        return {unknown.name: unknown.value(one) for unknown, one in zip(self.each, own, strict=True)}
+        coordinates_of_each = (self.directions @ coordinates).tolist()
+        return {unknown.name: unknown.value(coordinate)
+                for unknown, coordinate in zip(self.each, coordinates_of_each, strict=True)}
 
     def slopes(self, coordinates: np.ndarray) -> np.ndarray:
         """Return the derivatives of the values by the coordinates, shape (unknowns, unknowns)."""
