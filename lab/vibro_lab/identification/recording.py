@@ -210,20 +210,20 @@ def read_recording(bag: str | Path, scene: Scene, noise: Mapping[str, float] | N
 
 def _topics(stream: BagStream) -> dict[str, str]:
     """Return the full names of the topics that are read, by their keys in `TOPICS` (BagError: of two robots)."""
-    wanted, found = {*SENSORS, *COMMANDS, OPERATIONS}, dict[str, str]()
+    wanted, topics = {*SENSORS, *COMMANDS, OPERATIONS}, dict[str, str]()
     if "topics" in stream.metadata:
         return {name: topic for name, topic in robot_topics(stream).items()
                 if name in wanted and topic in stream.topics}
     for topic, recorded in stream.topics.items():
-        for name in (one for one in wanted if topic.endswith(f"/{one}") and recorded.type_name == TOPICS[one].type):
+        for name in (key for key in wanted if topic.endswith(f"/{key}") and recorded.type_name == TOPICS[key].type):
             if "/twin/" in topic:  # what the executable `twin` has computed is no measurement
                 continue
-            if name in found:
+            if name in topics:
                 other = topic.removesuffix(name)
-                raise BagError(f"{stream.folder}: measures two robots, {found[name]} and {topic}; record one of them: "
+                raise BagError(f"{stream.folder}: measures two robots, {topics[name]} and {topic}; record one of them: "
                                f"ros2 bag record --regex '{other}.*'")
-            found[name] = topic
-    return found
+            topics[name] = topic
+    return topics
 
 
 def _commands(stream: BagStream, topics: Mapping[str, str], scene: Scene,
@@ -253,14 +253,14 @@ def _commands(stream: BagStream, topics: Mapping[str, str], scene: Scene,
 def _since(begin: int, commands: list[tuple[int, dict[str, float]]], scene: Scene,
            said: list[str]) -> tuple[tuple[float, dict[str, float]], ...]:
     """Return the commands by their time [s] since the stamp `begin` [ns], those of one instant together."""
-    found: dict[float, dict[str, float]] = {}
+    by_time: dict[float, dict[str, float]] = {}
     for stamp, given in commands:
-        found.setdefault(max(0, stamp - begin) * 1e-9, {}).update(given)
+        by_time.setdefault(max(0, stamp - begin) * 1e-9, {}).update(given)
     wanted = (scene.motor_command, *(f"{side}_gap" for side in scene.plates))
-    if missing := [name for name in wanted if name not in found.get(0.0, {})]:
+    if missing := [name for name in wanted if name not in by_time.get(0.0, {})]:
         said.append(f"no command of {', '.join(missing)} was recorded before the first measurement: until one "
                     "comes, a motor turns as the encoder says, and else the scene's values hold")
-    return tuple(sorted(found.items()))
+    return tuple(sorted(by_time.items()))
 
 
 def _times(topic: str, arrays: Arrays, start: int, said: list[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -332,7 +332,7 @@ def _measured(sensor: str, arrays: Arrays, scene: Scene,
                              "inf to leave it out")
         yield sensor, arrays["value"], None
     else:
-        for name in (one for one in arrays if one not in ("time", "stamp")):
+        for name in (column for column in arrays if column not in ("time", "stamp")):
             joint, _, quantity = name.rpartition(".")
             if joint not in JOINTS or (sensor == "encoder" and joint != "crank"):
                 said.append(f"{sensor}: {name} is left out: the robot has no such joint")
@@ -419,7 +419,7 @@ def _check_turns(topic: str, channel: Channel, scene: Scene,
 
 def _with_one_zero(channels: list[Channel]) -> Iterator[Channel]:
     """Yield the channels; angles of the crank differ from those of the first such channel by less than a turn."""
-    first = next((one for one in channels if one.field == "crank_angle"), None)
+    first = next((channel for channel in channels if channel.field == "crank_angle"), None)
     for channel in channels:
         if first and channel.field == "crank_angle":
             away = float(np.median(channel.values - np.interp(channel.times, first.times, first.values)))

@@ -118,7 +118,7 @@ class Shooting:
     def __init__(self, windows: Windows, simulate: Callable[[np.ndarray, np.ndarray], Pass | None], workers: int = 1):
         self.windows, self._simulate, self._workers, self.passes = windows, simulate, workers, 0
         self.widths = np.array([width_of(name) for name in windows.names])
-        self._blurs = np.array([width_of(one.field) for one in windows.recording.channels])[windows.channel]
+        self._blurs = np.array([width_of(channel.field) for channel in windows.recording.channels])[windows.channel]
         self.prior: tuple[np.ndarray, np.ndarray] | None = None
         self.left_out = np.zeros(len(windows.spans), bool)
         self.limits: Sequence[tuple[np.ndarray, float, float]] = ()
@@ -133,8 +133,8 @@ class Shooting:
     def point(self, parameters: np.ndarray, states: np.ndarray) -> Point | None:
         """Return the point with these parameters and states; None where there is no motion."""
         self.passes += 1
-        found = self._simulate(parameters, states)
-        return None if found is None else Point(parameters, states, found)
+        simulated = self._simulate(parameters, states)
+        return None if simulated is None else Point(parameters, states, simulated)
 
     def jacobian(self, at: Point) -> Jacobian:
         """Return the derivatives at a point."""
@@ -152,8 +152,8 @@ class Shooting:
             return np.zeros_like(at.found.residuals), np.zeros_like(at.found.ends)
 
         self.passes += len(columns)
-        found = [future.result() for _, future in in_processes(difference, columns, self._workers)]
-        residuals, ends = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
+        differences = [future.result() for _, future in in_processes(difference, columns, self._workers)]
+        residuals, ends = (np.stack(part, axis=-1) for part in zip(*differences, strict=True))
         return Jacobian(residuals[:, :count], residuals[:, count:], ends[..., :count], ends[..., count:])
 
     def jumps(self, at: Point, jacobian: Jacobian) -> np.ndarray:
@@ -187,9 +187,9 @@ class Shooting:
 
     def by_window(self, at: Point, looseness: float, width: float) -> np.ndarray:
         """Return the misfit of each window and of its defect, shape (windows,); 0 for those that are left out."""
-        found = np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
-        found[:-1] += np.where(self._joined, np.sum((at.defects / (width * self.widths))**2, axis=1), 0.0)
-        return np.where(self.left_out, 0.0, found)
+        misfits = np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
+        misfits[:-1] += np.where(self._joined, np.sum((at.defects / (width * self.widths))**2, axis=1), 0.0)
+        return np.where(self.left_out, 0.0, misfits)
 
     def misfit(self, at: Point, looseness: float, width: float) -> float:
         """Return what is minimised; `width` is the looseness of the defects."""
@@ -245,8 +245,8 @@ class Shooting:
                 jacobian = self.jacobian(at)
                 if self.is_coarse and not looseness:
                     self._leave_out(self.jumps(at, jacobian))
-            before = self.misfit(at, looseness, width)
-            little = max(_LITTLE, enough * before)
+            earlier_misfit = self.misfit(at, looseness, width)
+            little = max(_LITTLE, enough * earlier_misfit)
             for chord in range(_CHORDS):
                 there, promised, damping = self._lower(at, jacobian, looseness, width, damping, fresh and not chord,
                                                      little)
@@ -256,7 +256,7 @@ class Shooting:
                 at = there
                 if won < _HOLDS * promised or promised < little:
                     break
-            if promised < little or (fresh and before - self.misfit(at, looseness, width) < little):
+            if promised < little or (fresh and earlier_misfit - self.misfit(at, looseness, width) < little):
                 break
             jacobian = None
         return at
@@ -290,27 +290,27 @@ class Shooting:
     def _step(self, at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the step of parameters and states that stays within the limits; None if there is none."""
         try:
-            own, states = equations.step(damping)
+            parameter_step, state_step = equations.step(damping)
             for direction, low, high in self.limits:
-                now, there = float(direction @ at.parameters), float(direction @ (at.parameters + own))
+                now, there = float(direction @ at.parameters), float(direction @ (at.parameters + parameter_step))
                 if not low <= there <= high:  # the others must not move as if this one went beyond
                     weight = _HELD * max(float(np.diag(equations.corner).max()), 1.0)
                     equations = equations.held(direction, weight, now - min(max(there, low), high))
-                    own, states = equations.step(damping)
+                    parameter_step, state_step = equations.step(damping)
         except LinAlgError:
             return None
-        shrink = min(1.0, _LONGEST / max(np.abs(own).max(), 1e-300))
-        return shrink * own, shrink * states
+        shrink = min(1.0, _LONGEST / max(np.abs(parameter_step).max(), 1e-300))
+        return shrink * parameter_step, shrink * state_step
 
     def _change(self, at: Point, there: Point, jacobian: Jacobian, looseness: float, width: float) -> np.ndarray:
         """Return the change of each window's misfit that the derivatives say, shape (windows,)."""
-        own, states = there.parameters - at.parameters, there.states - at.states
+        parameter_step, state_step = there.parameters - at.parameters, there.states - at.states
         weights = np.where(self.left_out[self.windows.window], 0.0, self.losses(at, looseness)[1])
-        linear = (at.found.residuals + jacobian.residuals @ own
-                  + np.sum(jacobian.residuals_by_state * states[self.windows.window], axis=1))
-        change = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(states))
-        defects = (at.defects + jacobian.ends[:-1] @ own
-                   + np.einsum("kij,kj->ki", jacobian.ends_by_state[:-1], states[:-1]) - states[1:])
+        linear = (at.found.residuals + jacobian.residuals @ parameter_step
+                  + np.sum(jacobian.residuals_by_state * state_step[self.windows.window], axis=1))
+        change = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(state_step))
+        defects = (at.defects + jacobian.ends[:-1] @ parameter_step
+                   + np.einsum("kij,kj->ki", jacobian.ends_by_state[:-1], state_step[:-1]) - state_step[1:])
         change[:-1] += np.where(self._joined, np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1),
                                 0.0)
         return change
@@ -368,8 +368,8 @@ class NormalEquations:
         """Return the step of parameters and states; `damping` is the share by which the diagonal grows (LinAlgError:
         if the equations are singular)."""
         schur, gradient, by_own, offset = self._eliminated(damping)
-        own = -cho_solve(cho_factor(schur), gradient)
-        return own, (-offset - by_own @ own).reshape(self.gradient.shape)
+        parameter_step = -cho_solve(cho_factor(schur), gradient)
+        return parameter_step, (-offset - by_own @ parameter_step).reshape(self.gradient.shape)
 
     def states_for(self, own: np.ndarray) -> np.ndarray:
         """Return the change of the states that follows a change of the parameters, shape (n, s)."""
