@@ -116,10 +116,10 @@ class Fitting:
                  offsets: Mapping[str, float] | None = None, camera: Sequence[str] = (),
                  settings: FitSettings | None = None):
         self.settings = settings or FitSettings()
-        self._offsets = {sensor: 0.0 for sensor in dict.fromkeys(one.sensor for one in recording.channels)}
+        self._offsets = {sensor: 0.0 for sensor in dict.fromkeys(channel.sensor for channel in recording.channels)}
         self.recording = replace(recording, channels=tuple(
-            replace(one, sigma=min(one.sigma, self.settings.presumed * width_of(one.field)))
-            if one.sigma_from == AT_MOST else one for one in recording.channels))
+            replace(channel, sigma=min(channel.sigma, self.settings.presumed * width_of(channel.field)))
+            if channel.sigma_from == AT_MOST else channel for channel in recording.channels))
         self._retime(offsets or {})
         self.unknowns, self._workers, self._say = unknowns, workers, say
         self._names, self._passes = state_names(unknowns.scene), 0
@@ -136,7 +136,7 @@ class Fitting:
             turned, lasting = np.array([(np.ptp(angle), times[-1] - times[0])
                                         for times, angle, *_ in self.stretches]).sum(axis=0).tolist()
             speed = max(settings.slowest, turned / lasting)
-            spacing = max(float(np.median(np.diff(one.times))) for one in self._of_state())
+            spacing = max(float(np.median(np.diff(channel.times))) for channel in self._of_state())
             length, fewest = settings.arc * math.tau / speed, settings.samples * spacing
             coarse = length < fewest
             spans = arcs(self.stretches, max(length, fewest), settings.most_windows)
@@ -190,8 +190,8 @@ class Fitting:
             at = self._with_noise_of_residuals(shooting, at)  # of a motion that is nearer
         else:
             white, colours = shooting.windows.colours, self._recoloured(shooting, at)
-            unstated = [one.sigma_from in ("neighbours", AT_MOST) and self._jitters.get(one.sensor, 0.0) > 0.0
-                        for one in self.recording.channels]
+            unstated = [channel.sigma_from in ("neighbours", AT_MOST) and self._jitters.get(channel.sensor, 0.0) > 0.0
+                        for channel in self.recording.channels]
             white = white._replace(sigmas=np.where(unstated, colours.sigmas, white.sigmas))
             at = shooting.point(at.parameters, at.states) or at
         errors = self.nuisances.errors(at.parameters[count:])
@@ -212,14 +212,15 @@ class Fitting:
     def _retime(self, offsets: Mapping[str, float]) -> None:
         """Take so much [s] more off the stamps of sensors."""
         self.recording = replace(self.recording, channels=tuple(
-            replace(one, times=one.times - offsets.get(one.sensor, 0.0)) for one in self.recording.channels))
+            replace(channel, times=channel.times - offsets.get(channel.sensor, 0.0))
+            for channel in self.recording.channels))
         for sensor, offset in offsets.items():
             self._offsets[sensor] = self._offsets.get(sensor, 0.0) + offset
 
     def _retimed(self, parameters: np.ndarray) -> np.ndarray:
         """Take large offsets off the stamps, and return the coordinates without them."""
-        parameters, before, offsets = parameters.copy(), len(self.unknowns.each), dict[str, float]()
-        for number, nuisance in enumerate(self.nuisances.each, before):
+        parameters, count, offsets = parameters.copy(), len(self.unknowns.each), dict[str, float]()
+        for number, nuisance in enumerate(self.nuisances.each, count):
             offset = parameters[number] * nuisance.unit
             if nuisance.kind == "offset" and abs(offset) > self.settings.retimed:
                 offsets[nuisance.owner], parameters[number] = offset, 0.0
@@ -232,19 +233,21 @@ class Fitting:
     def _scanned(self, spans: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """Return the coordinates with the offset of each sensor that fits short windows best, where it does so clearly:
         a sensor that is late by a third of a turn is not led back by small steps."""
-        settings, before = self.settings, len(self.unknowns.each)
-        masses = {one.sensor for one in self.recording.channels if one.field.startswith(("upper", "inclined"))}
-        clocks = [(one.owner not in masses, number, one) for number, one in enumerate(self.nuisances.each)]
+        settings, count = self.settings, len(self.unknowns.each)
+        masses = {channel.sensor for channel in self.recording.channels
+                  if channel.field.startswith(("upper", "inclined"))}
+        clocks = [(nuisance.owner not in masses, number, nuisance)
+                  for number, nuisance in enumerate(self.nuisances.each)]
         for _, number, nuisance in sorted(clocks):  # the body moves as the masses do, so theirs is the first clock
-            if nuisance.kind != "offset" or all(one.bandwidth for one in self.recording.channels
-                                                if one.sensor == nuisance.owner):
+            if nuisance.kind != "offset" or all(channel.bandwidth for channel in self.recording.channels
+                                                if channel.sensor == nuisance.owner):
                 continue
             misfits = {offset: self._misfit_if_late(nuisance.owner, offset, spans, parameters)
                        for offset in np.linspace(-1.0, 1.0, settings.scanned) * settings.latest}
             best = min(misfits, key=misfits.__getitem__)
             if misfits[best] < settings.clearly * min(misfits[offset] for offset in misfits if abs(offset) < 1e-9):
                 parameters = parameters.copy()
-                parameters[before + number] = best / nuisance.unit
+                parameters[count + number] = best / nuisance.unit
                 parameters = self._retimed(parameters)
                 self._say(f"the stamps of {nuisance.owner} are late by about {1e3 * best:.0f} ms")
         return parameters
@@ -255,9 +258,9 @@ class Fitting:
         self._retime({sensor: offset})
         shooting = self._shooting(spans)
         starts = shooting.windows.spans[:, 0]
-        own = shooting.windows.course(*self._begin(parameters))
-        at = shooting.point(parameters, local_states(self.recording, self._names, starts, REACHES[0], own))
-        mine = np.array([one.sensor == sensor for one in self.recording.channels])[shooting.windows.channel]
+        course = shooting.windows.course(*self._begin(parameters))
+        at = shooting.point(parameters, local_states(self.recording, self._names, starts, REACHES[0], course))
+        mine = np.array([channel.sensor == sensor for channel in self.recording.channels])[shooting.windows.channel]
         self._retime({sensor: -offset})
         self._passes += shooting.passes
         if at is None:
@@ -278,8 +281,8 @@ class Fitting:
                 at = self._tightened(shooting, at, looseness, settings.tied * looseness)
             if float((mean_squares(shooting, at) > settings.lost).mean()) <= settings.few_lost:
                 break
-            own = self._candidates(shooting, at.parameters)[-1]
-            at = shooting.point(at.parameters, own) or at
+            states = self._candidates(shooting, at.parameters)[-1]
+            at = shooting.point(at.parameters, states) or at
         return at
 
     def _scouted(self, shooting: Shooting, at: Point) -> Point:
@@ -288,24 +291,25 @@ class Fitting:
         steps."""
         settings = self.settings
         unknowns, count, random = self.unknowns, len(self.unknowns.each), np.random.default_rng(0)
-        spread = np.array([settings.far_off if one.unit else settings.far_off_in_shares for one in unknowns.each])
+        spread = np.array([settings.far_off if unknown.unit else settings.far_off_in_shares
+                           for unknown in unknowns.each])
         low, high = np.array([ends for _, *ends in unknowns.limits(count)]).T
         shooting.windows.blur(settings.blur)
 
         def scored(parameters: np.ndarray) -> tuple[float, Point | None]:
             try:
-                own = shooting.windows.course(*self._begin(parameters))
+                course = shooting.windows.course(*self._begin(parameters))
             except (SimulationError, ValueError):
                 return math.inf, None
-            there = shooting.point(parameters, own)
+            there = shooting.point(parameters, course)
             return math.inf if there is None else shooting.windows.square_of_imu(there.found), there
 
         best, passes = scored(at.parameters)[0], shooting.passes
         for share in settings.scouts:
             draws = []
             for normal in random.standard_normal((settings.drawn, count)):
-                own = unknowns.directions @ at.parameters[:count] + share * spread * normal
-                draws.append(np.append(np.linalg.solve(unknowns.directions, np.clip(own, low, high)),
+                coordinates_of_each = unknowns.directions @ at.parameters[:count] + share * spread * normal
+                draws.append(np.append(np.linalg.solve(unknowns.directions, np.clip(coordinates_of_each, low, high)),
                                        at.parameters[count:]))
             for _, future in in_processes(scored, draws, self._workers):
                 square, there = future.result()
@@ -350,7 +354,7 @@ class Fitting:
         """Return which measurements are outliers, the whole message if one number is; never one of an IMU, whose blows
         are peaks, nor one in a window that jumps."""
         windows, settings = shooting.windows, self.settings
-        of_imu = np.array([one.bandwidth > 0.0 for one in windows.recording.channels])[windows.channel]
+        of_imu = np.array([channel.bandwidth > 0.0 for channel in windows.recording.channels])[windows.channel]
         counts = ~of_imu & ~shooting.left_out[windows.window]
         is_wild = counts & wild(windows.channel, residuals, expected, settings.wild, settings.most_wild)
         return windows.of_message(is_wild)
@@ -366,8 +370,9 @@ class Fitting:
             windows.window[1:] == windows.window[:-1])) & ~shooting.left_out[windows.window]
         rates, bends, means = self._of_jitter(shooting, plain)
         expected, shifts = np.ones(len(residuals)), np.zeros(len(residuals))
-        for sensor in dict.fromkeys(one.sensor for one in channels):
-            of = [number for number, one in enumerate(channels) if one.sensor == sensor and not one.bandwidth]
+        for sensor in dict.fromkeys(channel.sensor for channel in channels):
+            of = [number for number, channel in enumerate(channels)
+                  if channel.sensor == sensor and not channel.bandwidth]
             mine = np.isin(windows.channel, of)
             if not mine.any():
                 continue
@@ -376,24 +381,25 @@ class Fitting:
                 self._jitters[sensor] = 0.0
                 continue  # as stated; steps of an encoder at a constant speed are no white noise
             is_exact = np.array([channels[number].resolution > 0.0 for number in of])
-            found, jitter = sizes_of(np.searchsorted(of, windows.channel[mine]), follows[mine], residuals[mine],
-                                     np.hypot(rates, bends)[mine], is_exact)
+            sensor_sizes, jitter = sizes_of(np.searchsorted(of, windows.channel[mine]), follows[mine], residuals[mine],
+                                            np.hypot(rates, bends)[mine], is_exact)
             among = np.zeros(len(channels))
-            among[of] = found
-            own = residuals[mine] / np.hypot(among[windows.channel[mine]], jitter * np.hypot(rates, bends)[mine])
-            if float(np.mean(np.minimum(own**2, settings.wild**2))) > settings.unexplained:
-                found, jitter = np.ones(len(of)), 0.0
+            among[of] = sensor_sizes
+            scaled = residuals[mine] / np.hypot(among[windows.channel[mine]], jitter * np.hypot(rates, bends)[mine])
+            if float(np.mean(np.minimum(scaled**2, settings.wild**2))) > settings.unexplained:
+                sensor_sizes, jitter = np.ones(len(of)), 0.0
             if jitter:
                 kept = mine & ~shooting.left_out[windows.window] & (
                     np.abs(residuals) < settings.wild * np.hypot(1.0, jitter * np.hypot(rates, bends)))
-                found, share = refined_sizes(
+                sensor_sizes, share = refined_sizes(
                     np.searchsorted(of, windows.channel[kept]), windows.messages(kept),
-                    (residuals + jitter**2 * means)[kept], jitter * rates[kept], jitter * bends[kept], found, is_exact)
+                    (residuals + jitter**2 * means)[kept], jitter * rates[kept], jitter * bends[kept], sensor_sizes,
+                    is_exact)
                 jitter *= share
             self._jitters[sensor] = jitter
             jitters[mine], bent[mine] = jitter * rates[mine], jitter * bends[mine]
             shifts[mine] = jitter**2 * means[mine]
-            for number, size in zip(of, found.tolist(), strict=True):
+            for number, size in zip(of, sensor_sizes.tolist(), strict=True):
                 rows = (windows.channel == number) & ~shooting.left_out[windows.window]
                 sizes[number] = size
                 expected[windows.channel == number] = max(size, 1e-3)
@@ -410,7 +416,7 @@ class Fitting:
                 sizes[number] = math.sqrt(max(sizes[number]**2, min(square, 1.0)))
             if abs(sizes[number]**2 - 1.0) < excess:
                 sizes[number] = 1.0
-        sigmas = np.array([one.sigma for one in channels])
+        sigmas = np.array([channel.sigma for channel in channels])
         return Colours(sizes * sigmas, np.zeros(len(sigmas)), jitters * sigmas[windows.channel],
                        bent * sigmas[windows.channel], shifts * sigmas[windows.channel], is_wild)
 
@@ -446,8 +452,8 @@ class Fitting:
     def _repaired(self, shooting: Shooting, at: Point, looseness: float) -> Point:
         candidates = self._candidates(shooting, at.parameters)
         for _ in range(self.settings.repairs):  # each may mend the window after one that was mended
-            at, before = shooting.repaired(at, looseness, candidates), at
-            if at is before:
+            at, earlier_point = shooting.repaired(at, looseness, candidates), at
+            if at is earlier_point:
                 break
             candidates = []
         return at
@@ -476,26 +482,26 @@ class Fitting:
         return [at.states + spread * random.standard_normal(at.states.shape) for _ in range(draws)]
 
     def _shooting(self, spans: np.ndarray) -> Shooting:
-        times = np.unique(np.concatenate([one.times for one in self.recording.channels]))
+        times = np.unique(np.concatenate([channel.times for channel in self.recording.channels]))
         inside = np.diff(np.searchsorted(times, spans), axis=1)[:, 0] > 0  # no window is without a measurement
-        windows, before = Windows(self.recording, self._names, spans[inside]), len(self.unknowns.each)
+        windows, count = Windows(self.recording, self._names, spans[inside]), len(self.unknowns.each)
 
         def simulated(parameters: np.ndarray, states: np.ndarray):
             try:
                 scene, start = self._begin(parameters)
             except ValueError:  # a combination that no robot has
                 return None
-            return windows.simulate(scene, start, states, self.nuisances.errors(parameters[before:]))
+            return windows.simulate(scene, start, states, self.nuisances.errors(parameters[count:]))
 
         shooting = Shooting(windows, simulated, self._workers)
-        shooting.limits = [*self.unknowns.limits(before + len(self.nuisances.each)), *self.nuisances.limits(before)]
+        shooting.limits = [*self.unknowns.limits(count + len(self.nuisances.each)), *self.nuisances.limits(count)]
         return shooting
 
     def _begin(self, parameters: np.ndarray) -> tuple[Scene, Start]:
         """Return the scene and the start of coordinates (ValueError: if there is no such robot)."""
-        before = len(self.unknowns.each)
-        start = self.nuisances.start(parameters[before:])
-        return self.unknowns.scene_of(parameters[:before], start.settings), start
+        count = len(self.unknowns.each)
+        start = self.nuisances.start(parameters[count:])
+        return self.unknowns.scene_of(parameters[:count], start.settings), start
 
     def _begun(self, shooting: Shooting, parameters: np.ndarray, candidates: list[np.ndarray]) -> Point:
         for states in candidates:
@@ -508,12 +514,12 @@ class Fitting:
         """Return states at the windows' starts by the measurements around them, then those of the scene's own motion
         from its start."""
         starts = shooting.windows.spans[:, 0]
-        own = shooting.windows.course(*self._begin(parameters))
-        near = [local_states(self.recording, self._names, starts, reach, own) for reach in REACHES]
-        if all(np.array_equal(states, own) for states in near):
-            return [own]
+        course = shooting.windows.course(*self._begin(parameters))
+        near = [local_states(self.recording, self._names, starts, reach, course) for reach in REACHES]
+        if all(np.array_equal(states, course) for states in near):
+            return [course]
         first = near[0].copy()
-        first[0] = own[0]
+        first[0] = course[0]
         return [*near, first]
 
     def _course(self) -> list[Stretch]:
@@ -529,13 +535,13 @@ class Fitting:
             """Return how long was measured until `time`."""
             return float((np.clip(time, *spans.T) - spans[:, 0]).sum())
 
-        rate = min((len(one.times) / max(lasting(one.times[-1]), self.settings.first)
-                    for one in channels.values() if one), default=self.settings.rate)
+        rate = min((len(channel.times) / max(lasting(channel.times[-1]), self.settings.first)
+                    for channel in channels.values() if channel), default=self.settings.rate)
         parts = [begin + np.arange(0.0, end - begin, 1.0 / rate) for begin, end in spans.tolist()]
         scene = self.unknowns.scene.with_parameters(self.nuisances.start(self.nuisances.coordinates).settings)
         with warnings.catch_warnings(action="ignore", category=ToleranceWarning):
             run = simulate(scene, times=np.concatenate(parts), commands=self.recording.commands)
-        found, first = list[Stretch](), 0
+        stretches, first = list[Stretch](), 0
         for times in parts:
             part = slice(first, first := first + len(times))
             speeds = []
@@ -546,10 +552,10 @@ class Fitting:
                     values = np.interp(times, channel.times, channel.values)
                     speeds.append(values if channel.field == speed else np.gradient(values, times))
             angle = np.interp(times, crank.times, crank.values) if crank else run.crank_angle[part]
-            rests = self.nuisances.rests if not found else crank_at(
+            rests = self.nuisances.rests if not stretches else crank_at(
                 self.recording, times[0], float(run.motor_speed[part.start]), self.settings)[1] == 0.0
-            found.append(Stretch(times, angle, roughness(times, speeds), rests))
-        return found
+            stretches.append(Stretch(times, angle, roughness(times, speeds), rests))
+        return stretches
 
     @property
     def _unseen(self) -> bool:
@@ -561,9 +567,9 @@ class Fitting:
         if weights is None:
             weights = np.array([self.settings.stiff_weight if name.endswith("plate.stiffness") else self.settings.weight
                                 for name in self.unknowns.names])
-        expected, own = parameters.copy(), self.nuisances.weights
-        expected[len(weights):] = np.where(own > 0.0, 0.0, parameters[len(weights):])
-        return expected, np.concatenate([weights, own])
+        expected, nuisance_weights = parameters.copy(), self.nuisances.weights
+        expected[len(weights):] = np.where(nuisance_weights > 0.0, 0.0, parameters[len(weights):])
+        return expected, np.concatenate([weights, nuisance_weights])
 
     def _recoloured(self, shooting: Shooting, at: Point) -> Colours:
         """Take correlations and standard deviations of the noise from the residuals, where they differ clearly.
@@ -605,7 +611,7 @@ def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
     Noise that was estimated from neighbouring values, with the motion in them, is estimated again from neighbouring
     residuals. These do not show a model that fits badly, because its residuals change slowly; the mean square does.
     """
-    windows, found = shooting.windows, []
+    windows, noises = shooting.windows, []
     for number, channel in enumerate(windows.recording.channels):
         mine = (windows.channel == number) & ~shooting.left_out[windows.window] & ~windows.is_wild
         sigma = float(windows.colours.sigmas[number])
@@ -617,6 +623,6 @@ def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
         if channel.sigma_from in ("neighbours", AT_MOST) and together.any():
             scale = max(clipped(np.abs(np.diff(residuals)[together]) / math.sqrt(2.0)),
                         RESOLVED * width_of(channel.field) / sigma)  # less than this, no fit resolves
-        found.append(Residual(scale * sigma, min(max(correlation, -0.99), 0.99), len(residuals),
-                              square / max(len(residuals), 1) / scale**2))
-    return found
+        noises.append(Residual(scale * sigma, min(max(correlation, -0.99), 0.99), len(residuals),
+                               square / max(len(residuals), 1) / scale**2))
+    return noises

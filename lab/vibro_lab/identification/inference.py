@@ -45,7 +45,7 @@ def intervals(fit: Fit, say: Callable[[str], None]) -> tuple[dict[str, tuple[flo
     """Return the 95 % interval of each parameter: values at which the misfit of the best point with that value is
     higher by the quantile of a chi square with one degree of freedom. And the profiles by which they were found:
     values in ascending order and the growth of the misfit there, shape (n, 2)."""
-    found, profiles, count = {}, {}, len(fit.at.parameters)
+    found_intervals, profiles, count = {}, {}, len(fit.at.parameters)
     covariance = covariance_of(fit)
     for k, unknown in enumerate(fit.unknowns.each):
         say(f"interval {k + 1} of {len(fit.unknowns.each)}: {unknown.name}")
@@ -55,9 +55,9 @@ def intervals(fit: Fit, say: Callable[[str], None]) -> tuple[dict[str, tuple[flo
         tried = [(0.0, 0.0)]
         low, high = (unknown.value(best + sign * _reach(fit, direction, covariance, sign, tried))
                      for sign in (-1.0, 1.0))
-        found[unknown.name] = (low, high)
+        found_intervals[unknown.name] = (low, high)
         profiles[unknown.name] = np.array([(unknown.value(best + shift), growth) for shift, growth in sorted(tried)])
-    return found, profiles
+    return found_intervals, profiles
 
 
 def _reach(fit: Fit, direction: np.ndarray, covariance: np.ndarray, sign: float,
@@ -82,9 +82,9 @@ def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) 
     and all others are fitted again; infinity where there is no motion. Windows that jump on the way do not count."""
     shooting, target = fit.shooting, float(direction @ fit.at.parameters) + shift
     along = covariance @ direction
-    own = along * (shift / float(direction @ along))
+    change = along * (shift / float(direction @ along))
     equations = shooting.equations(fit.at, fit.jacobian, 0.0, TIGHT)
-    at = shooting.point(fit.at.parameters + own, fit.at.states + equations.states_for(own))
+    at = shooting.point(fit.at.parameters + change, fit.at.states + equations.states_for(change))
     if at is None:
         return math.inf
     within = shooting.with_limit(direction, target, target)
@@ -188,9 +188,9 @@ def whiteness(residuals: np.ndarray) -> float:
     size = float(np.sqrt(np.mean(residuals**2))) if len(residuals) else 0.0
     if len(residuals) <= 2 * _LAGS or not size:
         return 1.0
-    own = np.clip(residuals / size, -3.0, 3.0)
-    shares = [float(own[lag:] @ own[:-lag]) / float(own @ own) for lag in range(1, _LAGS + 1)]
-    return float(chi2.sf(len(own) * sum(share**2 for share in shares), _LAGS))
+    limited = np.clip(residuals / size, -3.0, 3.0)
+    shares = [float(limited[lag:] @ limited[:-lag]) / float(limited @ limited) for lag in range(1, _LAGS + 1)]
+    return float(chi2.sf(len(limited) * sum(share**2 for share in shares), _LAGS))
 
 
 def suspicion(fit: Fit, trials: Mapping[str, Callable[[], tuple[Scene, float]]]) -> str:
@@ -214,7 +214,7 @@ def suspicion(fit: Fit, trials: Mapping[str, Callable[[], tuple[Scene, float]]])
     late = shooting.point(at.parameters, at.states) or at
     windows.delay = 0.0
     rates, third = (late.found.residuals - at.found.residuals) / _DELAY, fit.shooting.windows.recording.duration / 3.0
-    sensors = np.array([one.sensor for one in windows.recording.channels])[windows.channel]
+    sensors = np.array([channel.sensor for channel in windows.recording.channels])[windows.channel]
     for sensor in np.unique(sensors):
         parts = [_gain(fit, np.where((sensors == sensor) & (windows.times // third == k), rates, 0.0),
                        np.zeros_like(at.found.ends)) for k in range(3)]
