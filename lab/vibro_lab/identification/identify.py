@@ -164,8 +164,8 @@ class Identification:
     @property
     def verdict(self) -> str:
         """Whether the model fits, in a sentence."""
-        better = [one for one in self.alternatives if one.p_value < REJECTED]
-        if explaining := [one for one in better if one.mean_square < GOOD]:
+        better = [alternative for alternative in self.alternatives if alternative.p_value < REJECTED]
+        if explaining := [alternative for alternative in better if alternative.mean_square < GOOD]:
             best = explaining[0]
             return (f"the effect {best.effect} fits better, p = {best.p_value:.1g}: the recording is of another robot "
                     f"than the scene can be; go on from the scene with {best.effect}")
@@ -220,7 +220,8 @@ class Identification:
         lines += [f"{sensor}: mean square of the residuals {square:.3f}" for sensor, square in self.chi_square.items()]
         if lost := int((~self.windows["used"]).sum()):
             lines.append(f"{lost} of {len(self.windows)} windows are left out: their motion jumps with its start")
-        lines += [f"with {one.effect}: better by {one.gain:.1f}, p = {one.p_value:.1g}" for one in self.alternatives]
+        lines += [f"with {alternative.effect}: better by {alternative.gain:.1f}, p = {alternative.p_value:.1g}"
+                  for alternative in self.alternatives]
         return [*lines, self.verdict]
 
 
@@ -290,22 +291,25 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
     alternatives = [_alternative(name, fit, fitted, say) for name in wanted]
     (noises, _), covariance = _judged(fit), covariance_of(fit)
     recording = fit.shooting.windows.recording
-    said = (*recording.said, *(f"{one.sensor}: {one.field}: noise {one.sigma:.3g} by the residuals of the fit"
-                               for one in recording.channels if one.sigma_from == AT_MOST))
+    said = (*recording.said, *(
+        f"{channel.sensor}: {channel.field}: noise {channel.sigma:.3g} by the residuals of the fit"
+        for channel in recording.channels if channel.sigma_from == AT_MOST))
     slopes = unknowns.slopes(fit.coordinates)
-    own = covariance[:len(unknowns.each), :len(unknowns.each)]
+    free_covariance = covariance[:len(unknowns.each), :len(unknowns.each)]
     windows = fit.shooting.windows
     table = np.array([(*span, square, not left_out) for span, square, left_out in zip(
         windows.spans, fit.mean_squares, fit.shooting.left_out, strict=True)], dtype=WINDOW)
-    found, profiles = intervals(fit, say)
+    found_intervals, profiles = intervals(fit, say)
     chance = p_value(noises)
     return Identification(
-        values=fit.values, intervals=found, covariance=slopes @ own @ slopes.T, rank=rank_in_words(fit),
-        chi_square=_by_sensor(noises), p_value=chance, noises=tuple(noises), sensors=_sensors(fit, covariance),
+        values=fit.values, intervals=found_intervals, covariance=slopes @ free_covariance @ slopes.T,
+        rank=rank_in_words(fit), chi_square=_by_sensor(noises), p_value=chance, noises=tuple(noises),
+        sensors=_sensors(fit, covariance),
         outliers={name: rows for name, rows in _by_channel(fit, windows.values, windows.is_wild).items() if len(rows)},
         suspicion=suspicion(fit, _trials(fit)) if chance < REJECTED else "",
-        autocorrelation={f"{one.sensor}.{one.field}": one.correlation for one in noises},
-        alternatives=tuple(sorted(alternatives, key=lambda one: (one.p_value, -one.gain))),
+        autocorrelation={f"{channel_noise.sensor}.{channel_noise.field}": channel_noise.correlation
+                         for channel_noise in noises},
+        alternatives=tuple(sorted(alternatives, key=lambda alternative: (alternative.p_value, -alternative.gain))),
         scene=unknowns.scene_of(fit.coordinates), given=unknowns.scene, windows=table, passes=fit.passes, said=said,
         recording=recording, residuals=_by_channel(fit, fit.at.found.residuals),
         simulated=_by_channel(fit, _simulated(fit)), profiles=profiles)
@@ -316,14 +320,14 @@ def _checked(effects: Sequence[str], scene: Scene, free: Sequence[str]) -> tuple
         if name not in EFFECTS:
             raise ValueError(f"effects: {quoted(name)} is none that can be tried; give any of {', '.join(EFFECTS)}")
         settings, more = EFFECTS[name].settings, EFFECTS[name].free
-        if set(more) & set(free) or (settings and all(scene[one] == value for one, value in settings.items())):
+        if set(more) & set(free) or (settings and all(scene[key] == value for key, value in settings.items())):
             raise ValueError(f"effects: {name} is a part of this fit already; leave it out")
     return tuple(effects)
 
 
 def _check_sensors(recording: Recording, offsets: Mapping[str, float], camera: Sequence[str]) -> None:
     """Raise a ValueError for an offset of a sensor that the recording lacks, or for a camera's error that is none."""
-    sensors = sorted({one.sensor for one in recording.channels})
+    sensors = sorted({channel.sensor for channel in recording.channels})
     for name, offset in offsets.items():
         if name not in sensors or not (isinstance(offset, int | float) and abs(offset) < LATEST):
             raise ValueError(f"offset of {name}: {quoted(offset)}; give one of {', '.join(sensors)}, and a number of "
@@ -334,7 +338,7 @@ def _check_sensors(recording: Recording, offsets: Mapping[str, float], camera: S
 
 def _usable(recording: Recording) -> Recording:
     """Return the recording (BagError: it has measurements of an IMU alone)."""
-    if all(one.sensor == IMU for one in recording.channels):
+    if all(channel.sensor == IMU for channel in recording.channels):
         raise BagError("the bag: has measurements of an IMU alone, which tell no place and no angle of the crank; "
                        "record tracking, odom, encoder or joint_states with it")
     return recording
@@ -353,7 +357,8 @@ def _stated(fit: Fit) -> Colours:
     channels = fit.shooting.windows.recording.channels
     nothing = np.zeros(len(channels))
     of_each = np.zeros_like(fit.white.jitters)
-    return Colours(np.array([one.sigma for one in channels]), nothing, of_each, of_each, of_each, fit.white.is_wild)
+    return Colours(np.array([channel.sigma for channel in channels]), nothing, of_each, of_each, of_each,
+                   fit.white.is_wild)
 
 
 def _judged(fit: Fit) -> tuple[list[Noise], Colours]:
@@ -362,7 +367,7 @@ def _judged(fit: Fit) -> tuple[list[Noise], Colours]:
     windows, shooting, stated = fit.shooting.windows, fit.shooting, _stated(fit)
     counts = ~shooting.left_out[windows.window] & ~windows.is_wild
     left = _weighed(fit, fit.white).found.residuals
-    sigmas, own, chances = stated.sigmas.copy(), [np.zeros_like(part) for part in fit.white[2:5]], []
+    sigmas, parts, chances = stated.sigmas.copy(), [np.zeros_like(part) for part in fit.white[2:5]], []
     for number, channel in enumerate(windows.recording.channels):
         mine = windows.channel == number
         found_other = fit.white.sigmas[number] != channel.sigma or fit.white.jitters[mine].any()
@@ -371,10 +376,10 @@ def _judged(fit: Fit) -> tuple[list[Noise], Colours]:
         chances.append(chance)
         if chance >= REJECTED:
             sigmas[number] = fit.white.sigmas[number]
-            for part, found in zip(own, fit.white[2:5], strict=True):
-                part[mine] = found[mine]
-    jitters = own[0]
-    judged = Colours(sigmas, stated.correlations, own[0], own[1], own[2], fit.white.is_wild)
+            for part, white_part in zip(parts, fit.white[2:5], strict=True):
+                part[mine] = white_part[mine]
+    jitters = parts[0]
+    judged = Colours(sigmas, stated.correlations, parts[0], parts[1], parts[2], fit.white.is_wild)
     at = _weighed(fit, judged)
     windows.recolour(judged)
     residuals = residuals_in(shooting, at)
@@ -398,17 +403,19 @@ def _simulated(fit: Fit) -> np.ndarray:
 def _by_sensor(noises: Sequence[Noise]) -> dict[str, float]:
     """Return the mean square of all residuals of each sensor."""
     sensors = dict.fromkeys(noise.sensor for noise in noises)
-    return {sensor: float(np.average([one.mean_square for one in noises if one.sensor == sensor],
-                                     weights=[one.count for one in noises if one.sensor == sensor]))
+    return {sensor: float(np.average([noise.mean_square for noise in noises if noise.sensor == sensor],
+                                     weights=[noise.count for noise in noises if noise.sensor == sensor]))
             for sensor in sensors}
 
 
 def _sensors(fit: Fit, covariance: np.ndarray) -> dict[str, tuple[float, float, float]]:
     """Return the errors of the sensors that were found, each with its interval."""
-    before = len(fit.unknowns.each)
-    return {f"{one.owner}.{one.kind}": (value := fit.errors[one.owner, one.kind], value - reach, value + reach)
-            for number, one in enumerate(fit.nuisances.each, before) if (one.owner, one.kind) in fit.errors
-            for reach in (HALF_WIDTH * one.unit * math.sqrt(float(covariance[number, number])),)}
+    count = len(fit.unknowns.each)
+    return {f"{nuisance.owner}.{nuisance.kind}": (
+                value := fit.errors[nuisance.owner, nuisance.kind], value - reach, value + reach)
+            for number, nuisance in enumerate(fit.nuisances.each, count)
+            if (nuisance.owner, nuisance.kind) in fit.errors
+            for reach in (HALF_WIDTH * nuisance.unit * math.sqrt(float(covariance[number, number])),)}
 
 
 def _trials(fit: Fit) -> dict[str, Callable[[], tuple[Scene, float]]]:
@@ -435,8 +442,8 @@ def _by_channel(fit: Fit, numbers: np.ndarray, which: np.ndarray | None = None) 
     windows = fit.shooting.windows
     wanted = np.ones(len(numbers), bool) if which is None else which
     mine = [wanted & (windows.channel == number) for number in range(len(windows.recording.channels))]
-    return {f"{channel.sensor}.{channel.field}": np.column_stack([windows.times[one], numbers[one]])
-            for channel, one in zip(windows.recording.channels, mine, strict=True)}
+    return {f"{channel.sensor}.{channel.field}": np.column_stack([windows.times[rows], numbers[rows]])
+            for channel, rows in zip(windows.recording.channels, mine, strict=True)}
 
 
 def _lack_of(fit: Fit) -> float:
@@ -450,7 +457,7 @@ def _alternative(name: str, fit: Fit, fitted: Callable[[Unknowns], Fit],
     """Fit with one effect more, from the values that were found without it; if that ends in no fit, from the scene's,
     because values that a wrong model has bent may lie beyond a blow from the right ones."""
     effect, fits = EFFECTS[name], []
-    ranges = {one.name: (one.low, one.high) for one in fit.unknowns.each}
+    ranges = {unknown.name: (unknown.low, unknown.high) for unknown in fit.unknowns.each}
     for plain in (fit.unknowns.scene_of(fit.coordinates), fit.unknowns.scene):
         say(f"with the effect {name}")
         more = {parameter: value(plain) for parameter, value in effect.free.items()}
@@ -458,17 +465,17 @@ def _alternative(name: str, fit: Fit, fitted: Callable[[Unknowns], Fit],
         fits.append(fitted(Unknowns.of(scene, (*fit.unknowns.names, *more), ranges)))
         if _lack_of(fits[-1]) < GOOD:
             break
-    found = min(fits, key=_lack_of)
+    best = min(fits, key=_lack_of)
     # Both by the noise that the better model leaves, measurement by measurement: the residuals of a wrong model are no
     # noise. Only where stamps are taken alike are the measurements of a window the same ones.
-    fit.shooting.windows.recolour(found.colours if len(found.colours.jitters) == len(fit.colours.jitters) else
+    fit.shooting.windows.recolour(best.colours if len(best.colours.jitters) == len(fit.colours.jitters) else
                                   fit.colours)
     at = fit.shooting.point(fit.at.parameters, fit.at.states) or fit.at
     at = fit.shooting.minimise(at, 0.0, TIGHT, 2)
-    either = fit.shooting.left_out | found.shooting.left_out
+    either = fit.shooting.left_out | best.shooting.left_out
     gain = float((fit.shooting.by_window(at, 0.0, TIGHT)
-                  - found.shooting.by_window(found.at, 0.0, TIGHT))[~either].sum())
+                  - best.shooting.by_window(best.at, 0.0, TIGHT))[~either].sum())
     fit.shooting.windows.recolour(fit.colours)
     chance = float(chi2.sf(gain, len(more))) if more else math.exp(-0.5 * max(gain, 0.0))
-    return Alternative(name, gain, min(chance, 1.0), found.values, found.unknowns.scene_of(found.coordinates),
-                       _lack_of(found))
+    return Alternative(name, gain, min(chance, 1.0), best.values, best.unknowns.scene_of(best.coordinates),
+                       _lack_of(best))

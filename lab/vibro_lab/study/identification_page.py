@@ -65,7 +65,8 @@ def identification_page(found: Identification, bag: str) -> str:
     if found.alternatives:
         parts += [f"<h2>Other effects</h2><p>The same recording with one effect more; a p below {REJECTED:g} is "
                   "evidence for it.</p>", _table(("effect", "better by", "p"), (
-                      (one.effect, f"{one.gain:.1f}", f"{one.p_value:.2g}") for one in found.alternatives))]
+                      (alternative.effect, f"{alternative.gain:.1f}", f"{alternative.p_value:.2g}")
+                      for alternative in found.alternatives))]
     parts += ["<h2>What was read</h2>", _list(found.said)]
     # The policy: whatever the recording's names contain, the page loads nothing and runs nothing.
     return ('<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
@@ -76,12 +77,12 @@ def identification_page(found: Identification, bag: str) -> str:
 
 
 def _list(sentences: Iterable[str]) -> str:
-    return f"<ul>{''.join(f'<li>{escape(one)}</li>' for one in sentences)}</ul>"
+    return f"<ul>{''.join(f'<li>{escape(sentence)}</li>' for sentence in sentences)}</ul>"
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    top = "".join(f'<th scope="col">{escape(one)}</th>' for one in head)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(one)}</td>' for one in row)}</tr>" for row in rows)
+    top = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in head)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
 
 

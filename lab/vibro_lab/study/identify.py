@@ -108,13 +108,14 @@ def _results(design: IdentificationDesign, folder: Path, execution: Execution) -
     scene, sensors = design.scene, None
     if design.bag:
         with bag_errors(design.bag):
-            found = identify(design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
-                             execution.workers, design.offsets, design.camera, say=lambda words: say("study", words))
-        comment = f"found by study identify in {design.bag.name}: {found.verdict}"
-        page = identification_page(found, design.bag.resolve().name).encode()
-        yield Results({SCENE: scene_as_file(found.scene, comment), NUMBERS: numbers_of(found), PAGE: page},
-                      found.words())
-        scene, sensors = found.scene, sensors_of(found.recording)
+            identification = identify(
+                design.bag, design.scene, design.free, design.ranges, design.noise, design.effects,
+                execution.workers, design.offsets, design.camera, say=lambda words: say("study", words))
+        comment = f"found by study identify in {design.bag.name}: {identification.verdict}"
+        page = identification_page(identification, design.bag.resolve().name).encode()
+        yield Results({SCENE: scene_as_file(identification.scene, comment), NUMBERS: numbers_of(identification),
+                       PAGE: page}, identification.words())
+        scene, sensors = identification.scene, sensors_of(identification.recording)
     if design.excite:
         best, *others = excite(scene, design.free, design.excite, sensors, design.ranges, execution.workers)
         yield Results({SCRIPT: best.script.encode()}, _words_of(best, others))
@@ -123,9 +124,9 @@ def _results(design: IdentificationDesign, folder: Path, execution: Execution) -
 def _words_of(best: Excitation, others: Sequence[Excitation]) -> Iterator[str]:
     """Yield the lines on a script and on the candidates that tell less."""
     yield from best.script.partition("entries:")[0].replace("# ", "").splitlines()
-    for one in others:
-        untold, worst = one.worst
-        yield f"{one.name}: the worst of {len(one.relative)} to {100.0 * worst:.2g} %" + (
+    for excitation in others:
+        untold, worst = excitation.worst
+        yield f"{excitation.name}: the worst of {len(excitation.relative)} to {100.0 * worst:.2g} %" + (
             f", {untold} cannot be told" if untold else "")
 
 
@@ -139,9 +140,9 @@ def numbers_of(found: Identification) -> bytes:
         "outliers": {name: rows.tolist() for name, rows in found.outliers.items()},
         "profiles": {name: points.tolist() for name, points in found.profiles.items()},
         "windows": [dict(zip(WINDOW.names or (), row.tolist(), strict=True)) for row in found.windows],
-        "alternatives": [{"effect": one.effect, "gain": one.gain, "p_value": one.p_value, "values": one.values,
-                          "mean_square": one.mean_square}
-                         for one in found.alternatives]}
+        "alternatives": [{"effect": alternative.effect, "gain": alternative.gain, "p_value": alternative.p_value,
+                          "values": alternative.values, "mean_square": alternative.mean_square}
+                         for alternative in found.alternatives]}
     return (json.dumps(document, indent=1) + "\n").encode()
 
 
