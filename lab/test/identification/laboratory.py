@@ -115,7 +115,7 @@ def record(folder: Path, robot: str, sensors: str = "laboratory", seed: int = 0,
     random = np.random.default_rng([seed, list(ROBOTS).index(robot)])
     chance = np.random.default_rng([seed, list(ROBOTS).index(robot), 49])  # of faults: they change no other draw
     base = vibro_ros.load_scene(ROBOTS[robot].scene)
-    before, commands = faults.begins_in_motion, ROBOTS[robot].commands
+    begin, commands = faults.begins_in_motion, ROBOTS[robot].commands
     known = {"motor.speed": 100.0} if ROBOTS[robot].scene == "damped" and not ROBOTS[robot].known else dict(
         ROBOTS[robot].known)
     scene = base.with_parameters(known | (FIELD | {"sensors.seed": float(seed)} if sensors == "field" else {}))
@@ -127,7 +127,7 @@ def record(folder: Path, robot: str, sensors: str = "laboratory", seed: int = 0,
 
     def motion(rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         times = np.arange(round(duration * rate) + 1) / rate
-        run = heyoka.integrate(before + times, commands)
+        run = heyoka.integrate(begin + times, commands)
         return times, dict(zip((*COLUMNS, *DRIVEN), (*run.samples.T, *run.driven.T), strict=True))
 
     def noisy(true: np.ndarray, sigma: float) -> np.ndarray:
@@ -150,8 +150,8 @@ def record(folder: Path, robot: str, sensors: str = "laboratory", seed: int = 0,
 
     times, true = motion(faults.rate)
     tick = math.tau / truth["sensors.encoder.ticks"]
-    rows = [numbers(name, [(time - before, given[name]) for time, given in commands
-                           if name in given and time >= before]) for name in ("motor_speed", "upper_gap",
+    rows = [numbers(name, [(time - begin, given[name]) for time, given in commands
+                           if name in given and time >= begin]) for name in ("motor_speed", "upper_gap",
                                                                               "inclined_gap")]
     stamps, angle = sent("encoder", times, tick * np.round(true["crank_angle"] / tick))
     rows.append(joint_states(stamps, {"crank": [angle]}, "encoder"))

@@ -44,7 +44,7 @@ def joint_states(times: np.ndarray, joints: Mapping[str, Sequence[np.ndarray]],
     for i, time in enumerate(times):
         message = _stamped(topic, time)
         message.name = list(joints)
-        message.position, message.velocity = ([one[part][i] for one in joints.values() if part < len(one)]
+        message.position, message.velocity = ([arrays[part][i] for arrays in joints.values() if part < len(arrays)]
                                               for part in (0, 1))
         yield f"/{topic}", stamp(time), serialised(message, TOPICS[topic].type)
 

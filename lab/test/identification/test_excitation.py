@@ -19,7 +19,7 @@ DURATION = 2.0
 
 
 @pytest.fixture(scope="module")
-def found():
+def excitations():
     return excite(DAMPED, FREE, DURATION)
 
 
@@ -33,8 +33,8 @@ def single_shooting(scene, free, commands):
 
     def measured(changes):
         given = {f"start.{name}": getattr(start, name) + changes.get(name, 0.0) for name in states}
-        own = {name: scene[name] * (1.0 + changes.get(name, 0.0)) for name in free}
-        run = vibro_ros.simulate(scene.with_parameters(own | given | {"start.state": "given"}), times=times,
+        parameters = {name: scene[name] * (1.0 + changes.get(name, 0.0)) for name in free}
+        run = vibro_ros.simulate(scene.with_parameters(parameters | given | {"start.state": "given"}), times=times,
                                  commands=commands)
         return np.concatenate([getattr(run, field) / sigma for field, sigma in zip(fields, sigmas, strict=True)])
 
@@ -58,12 +58,12 @@ def test_deviations_are_those_of_a_fit_of_the_whole_motion(monkeypatch):
     monkeypatch.setattr(excitation, "_STEP", 1e-6)
     monkeypatch.setattr(excitation, "_STATE_STEP", 1e-5)
     monkeypatch.setattr(excitation, "_BENT", 1e9)  # no measurement is left out
-    found = {one.name: one for one in excite(DAMPED, FREE, DURATION)}
-    assert len(found) == 3
-    for one in careful:
-        exact = single_shooting(DAMPED, FREE, one.commands)
-        np.testing.assert_allclose([found[one.name].relative[name] for name in FREE], exact, rtol=0.1)
-        share = np.array([one.relative[name] for name in FREE]) / exact
+    by_small_steps = {candidate.name: candidate for candidate in excite(DAMPED, FREE, DURATION)}
+    assert len(by_small_steps) == 3
+    for candidate in careful:
+        exact = single_shooting(DAMPED, FREE, candidate.commands)
+        np.testing.assert_allclose([by_small_steps[candidate.name].relative[name] for name in FREE], exact, rtol=0.1)
+        share = np.array([candidate.relative[name] for name in FREE]) / exact
         assert (share > 0.95).all()
         assert (share < 4.0).all()
 
@@ -73,48 +73,48 @@ def test_a_chaotic_motion_promises_no_more_than_a_regular_one(monkeypatch):
     monkeypatch.setattr(excitation, "_SPEEDS", {name: excitation._SPEEDS[name] for name in (
         "a constant speed", "slow and fast")})
     free = ("ground.friction", "upper.spring.stiffness")
-    found = {one.name: one.relative for one in excite(vibro_ros.load_scene("device"), free, 3.0)}
-    assert len(found) == 3
-    regular = found.pop("a constant speed")
-    for chaotic in found.values():
+    relative = {candidate.name: candidate.relative for candidate in excite(vibro_ros.load_scene("device"), free, 3.0)}
+    assert len(relative) == 3
+    regular = relative.pop("a constant speed")
+    for chaotic in relative.values():
         assert all(chaotic[name] > 0.9 * regular[name] for name in free)
 
 
-def test_the_best_script_comes_first_and_a_constant_speed_is_among_them(found):
-    worst = [max(one.relative.values()) for one in found]
+def test_the_best_script_comes_first_and_a_constant_speed_is_among_them(excitations):
+    worst = [max(candidate.relative.values()) for candidate in excitations]
     assert worst == sorted(worst)
-    assert "a constant speed" in [one.name for one in found]
-    for one in found:
-        assert one.deviations == pytest.approx({name: DAMPED[name] * one.relative[name] for name in FREE})
+    assert "a constant speed" in [candidate.name for candidate in excitations]
+    for candidate in excitations:
+        assert candidate.deviations == pytest.approx({name: DAMPED[name] * candidate.relative[name] for name in FREE})
 
 
-def test_the_controller_plays_the_script(found, tmp_path):
-    for number, one in enumerate(found):
+def test_the_controller_plays_the_script(excitations, tmp_path):
+    for number, candidate in enumerate(excitations):
         path = tmp_path / f"{number}.yaml"
-        path.write_text(one.script)
+        path.write_text(candidate.script)
         script = read_script(path)
         assert script.duration == pytest.approx(DURATION)
-        for time, given in one.commands:
+        for time, given in candidate.commands:
             assert script.command_at(time + 1e-6).items() >= given.items()
 
 
 def test_a_parameter_without_effect_is_not_promised_and_plates_move_where_theirs_are_free():
-    found = excite(DAMPED, ("ground.friction", "gap_actuator.speed"), 1.0)
-    assert "with moving plates" in found[0].name
-    assert found[0].relative["gap_actuator.speed"] < 0.1
-    still = next(one for one in found if "moving" not in one.name)
+    excitations = excite(DAMPED, ("ground.friction", "gap_actuator.speed"), 1.0)
+    assert "with moving plates" in excitations[0].name
+    assert excitations[0].relative["gap_actuator.speed"] < 0.1
+    still = next(candidate for candidate in excitations if "moving" not in candidate.name)
     assert still.worst == (1, still.relative["ground.friction"])
     assert "gap_actuator.speed: cannot be told" in still.script
 
 
-def test_a_tracking_system_alone_tells_less(found):
+def test_a_tracking_system_alone_tells_less(excitations):
     sensors = {"tracking.body_position": (100.0, 1e-3)}
     scene = DAMPED.with_parameters({"sensors.tracking.rate": 100.0, "sensors.tracking.noise": 1e-3})
-    alone = {one.name: one for one in excite(DAMPED, FREE, DURATION, sensors)}
-    assert {one.name: one.relative for one in excite(scene, FREE, DURATION)} == {
-        name: one.relative for name, one in alone.items()}
-    for one in found:
-        assert one.relative["ground.friction"] < 0.2 * alone[one.name].relative["ground.friction"]
+    alone = {candidate.name: candidate for candidate in excite(DAMPED, FREE, DURATION, sensors)}
+    assert {candidate.name: candidate.relative for candidate in excite(scene, FREE, DURATION)} == {
+        name: candidate.relative for name, candidate in alone.items()}
+    for candidate in excitations:
+        assert candidate.relative["ground.friction"] < 0.2 * alone[candidate.name].relative["ground.friction"]
 
 
 @pytest.mark.parametrize(("changes", "limit"), [
@@ -128,7 +128,7 @@ def test_commands_keep_to_the_limits_of_the_motor(changes, limit):
     assert min(values) == 0.0
     for name, commands in candidates(scene, ("upper.gap",), 5.0):
         for _, given in commands:
-            assert all(math.isfinite(scene.checked_command(*one)) for one in given.items()), name
+            assert all(math.isfinite(scene.checked_command(*command)) for command in given.items()), name
 
 
 @pytest.mark.parametrize(("arguments", "why"), [

@@ -54,15 +54,15 @@ def noise(random, count, correlation=0.0):
     return lfilter([1.0], [1.0, -correlation], white)
 
 
-def assert_found(found, truth, allowed=1.0):
+def assert_found(identified, truth, allowed=1.0):
     """Assert that all of `THIRTEEN` are within so many times what issue 38 allows."""
     for name, share in ALLOWED.items():
-        assert found.values[name] == pytest.approx(truth[name], rel=allowed * share), name
+        assert identified.values[name] == pytest.approx(truth[name], rel=allowed * share), name
     for side in ("upper", "inclined"):
-        assert found.values[f"{side}.gap"] == pytest.approx(truth[f"{side}.gap"], abs=allowed * GAP)
-        own, true = (values[f"{side}.plate.damping"] / math.sqrt(values[f"{side}.plate.stiffness"])
-                     for values in (found.values, truth))
-        assert own == pytest.approx(true, rel=allowed * RESTITUTION)
+        assert identified.values[f"{side}.gap"] == pytest.approx(truth[f"{side}.gap"], abs=allowed * GAP)
+        restitution, true = (values[f"{side}.plate.damping"] / math.sqrt(values[f"{side}.plate.stiffness"])
+                             for values in (identified.values, truth))
+        assert restitution == pytest.approx(true, rel=allowed * RESTITUTION)
 
 
 @pytest.mark.process
@@ -71,22 +71,22 @@ def test_a_laboratory_recording_tells_a_few_parameters_within_their_intervals(tm
     made = laboratory()(tmp_path / "bag", "damped", seed=2, duration=1.5)
     free = (*FREE, "guide.angle", "upper.spring.damping")
     scene = made.truth.with_parameters({name: made.scene[name] for name in free})
-    found = identify(made.bag, scene, free, workers=1)
-    for name, (low, high) in found.intervals.items():
-        assert low < found.values[name] < high
-        assert abs(found.values[name] - made.truth[name]) < high - low, name
+    identified = identify(made.bag, scene, free, workers=1)
+    for name, (low, high) in identified.intervals.items():
+        assert low < identified.values[name] < high
+        assert abs(identified.values[name] - made.truth[name]) < high - low, name
         assert high - low < abs(scene[name] - made.truth[name]), name  # the recording has told something
-    assert all(0.9 < square < 1.1 for square in found.chi_square.values()), found.chi_square
-    assert set(found.chi_square) == {"odom", "joint_states", "encoder"}
-    assert found.verdict.startswith("the model fits") and found.rank == ()
-    deviations = np.sqrt(np.diag(found.covariance))
-    halves = np.array([high - low for low, high in found.intervals.values()]) / (2.0 * 1.96)
+    assert all(0.9 < square < 1.1 for square in identified.chi_square.values()), identified.chi_square
+    assert set(identified.chi_square) == {"odom", "joint_states", "encoder"}
+    assert identified.verdict.startswith("the model fits") and identified.rank == ()
+    deviations = np.sqrt(np.diag(identified.covariance))
+    halves = np.array([high - low for low, high in identified.intervals.values()]) / (2.0 * 1.96)
     np.testing.assert_allclose(halves, deviations, rtol=0.1)  # so well told, the likelihood is nearly normal
     times = np.arange(0.0, 1.5, 0.01)
-    own, true = (vibro_ros.simulate(scene, times=times, commands=found.recording.commands).body_position
-                 for scene in (found.scene, made.truth))
-    assert np.abs(own - true).max() < 1e-4  # m, of a way of 0.2 m; two standard deviations of a measurement
-    assert found.windows["used"].all() and found.passes < 500
+    positions, true = (vibro_ros.simulate(scene, times=times, commands=identified.recording.commands).body_position
+                       for scene in (identified.scene, made.truth))
+    assert np.abs(positions - true).max() < 1e-4  # m, of a way of 0.2 m; two standard deviations of a measurement
+    assert identified.windows["used"].all() and identified.passes < 500
 
 
 @pytest.mark.process
@@ -99,15 +99,15 @@ def test_a_recording_with_every_fault_of_a_laboratory_is_fitted_as_a_clean_one(t
         jitter=3e-4, late={"odom": 0.003}, outliers=0.02, lost=0.1, stated=0.33, begins_in_motion=0.5))
     free = (*FREE, "guide.angle")
     scene = made.truth.with_parameters({name: made.scene[name] for name in free} | {"motor.speed": 90.0})
-    found = identify(made.bag, scene, free, workers=1)
-    assert found.verdict.startswith("the model fits"), found.verdict
-    for name, (low, high) in found.intervals.items():
-        assert abs(found.values[name] - made.truth[name]) < high - low, name
-    assert found.sensors["odom.offset"][0] == pytest.approx(0.003, abs=1e-4)
-    jitters = {noise.sensor: noise.jitter for noise in found.noises}
+    identified = identify(made.bag, scene, free, workers=1)
+    assert identified.verdict.startswith("the model fits"), identified.verdict
+    for name, (low, high) in identified.intervals.items():
+        assert abs(identified.values[name] - made.truth[name]) < high - low, name
+    assert identified.sensors["odom.offset"][0] == pytest.approx(0.003, abs=1e-4)
+    jitters = {noise.sensor: noise.jitter for noise in identified.noises}
     assert all(jitter == pytest.approx(3e-4, rel=0.15) for jitter in jitters.values()), jitters
-    assert 5 <= len(found.outliers["odom.body_position"]) <= 30  # of 675 samples that are not lost, 13 are wild
-    assert any("odom: body_position: states a noise of 1.65e-05" in line for line in found.words())
+    assert 5 <= len(identified.outliers["odom.body_position"]) <= 30  # of 675 samples that are not lost, 13 are wild
+    assert any("odom: body_position: states a noise of 1.65e-05" in line for line in identified.words())
 
 
 @pytest.mark.process
@@ -117,9 +117,10 @@ def test_a_model_that_lacks_an_effect_is_rejected_in_words_that_name_it(tmp_path
     made = laboratory()(tmp_path / "bag", robot, seed=1, duration=1.5)
     hidden = {"ground.viscous_friction": 0.0, "ground.drag": 0.0}
     scene = made.truth.with_parameters(hidden | {name: made.scene[name] for name in FREE})
-    found = identify(made.bag, scene, FREE, workers=1)
-    assert found.p_value < 1e-3
-    assert "odom.body" in found.verdict and remedy in found.verdict.partition("try effects")[2], found.verdict
+    identified = identify(made.bag, scene, FREE, workers=1)
+    assert identified.p_value < 1e-3
+    assert "odom.body" in identified.verdict and remedy in identified.verdict.partition("try effects")[2], (
+        identified.verdict)
 
 
 RIGID = {f"effects.{side}_contact": "restitution" for side in ("upper", "inclined")}
@@ -138,39 +139,40 @@ def test_a_wrong_model_of_a_recording_with_every_fault_is_rejected_in_words_that
     made = record(tmp_path / "bag", robot, seed=1, duration=1.5, faults=Faults(
         jitter=3e-4, late={"odom": 0.003}, outliers=0.02, lost=0.1, stated=0.33, begins_in_motion=0.5))
     scene = made.truth.with_parameters(wrong | {name: made.scene[name] for name in FREE})
-    found = identify(made.bag, scene, (*FREE, *more), workers=1)
-    assert found.p_value < 1e-3 and found.verdict.startswith("the model does not fit"), found.verdict
-    assert "The residuals of odom.body_" in found.verdict
-    assert words in found.verdict.partition("try effects")[2], found.verdict
+    identified = identify(made.bag, scene, (*FREE, *more), workers=1)
+    assert identified.p_value < 1e-3 and identified.verdict.startswith("the model does not fit"), identified.verdict
+    assert "The residuals of odom.body_" in identified.verdict
+    assert words in identified.verdict.partition("try effects")[2], identified.verdict
 
 
 @pytest.mark.slow
 def test_a_laboratory_recording_tells_all_thirteen_from_the_defaults(tmp_path):
     made = laboratory()(tmp_path / "bag", "damped", seed=1)
-    found = identify(made.bag, made.scene, THIRTEEN)
-    assert_found(found, made.truth)
-    assert found.passes <= 1000
-    assert all(0.9 < square < 1.1 for square in found.chi_square.values()), found.chi_square
-    assert found.verdict.startswith("the model fits")
+    identified = identify(made.bag, made.scene, THIRTEEN)
+    assert_found(identified, made.truth)
+    assert identified.passes <= 1000
+    assert all(0.9 < square < 1.1 for square in identified.chi_square.values()), identified.chi_square
+    assert identified.verdict.startswith("the model fits")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("robot", "seed", "before"), [("device", 1, 0.0), ("device", 1, 0.7), ("moving", 1, 0.0)])
-def test_a_robot_that_hops_is_found_by_positions_at_a_hundred_hertz(tmp_path, robot, seed, before):
+@pytest.mark.parametrize(("robot", "seed", "begins_in_motion"), [
+    ("device", 1, 0.0), ("device", 1, 0.7), ("moving", 1, 0.0)])
+def test_a_robot_that_hops_is_found_by_positions_at_a_hundred_hertz(tmp_path, robot, seed, begins_in_motion):
     """Between two samples a mass strikes and comes back: the states of half turns must go on into the chain, else the
     motion is lost, with values off by 40 % and a verdict that rejects the right model."""
     record = laboratory()
     from laboratory import Faults
     made = record(tmp_path / "bag", robot, seed=seed, faults=Faults(rate=100.0, positions_only=True,
-                                                                    begins_in_motion=before))
-    found = identify(made.bag, made.scene, THIRTEEN)
-    inside = [low <= made.truth[name] <= high for name, (low, high) in found.intervals.items()]
-    assert sum(inside) >= 12 and found.p_value > 0.01, found.verdict
-    assert found.values["ground.friction"] == pytest.approx(made.truth["ground.friction"], rel=0.01)
+                                                                    begins_in_motion=begins_in_motion))
+    identified = identify(made.bag, made.scene, THIRTEEN)
+    inside = [low <= made.truth[name] <= high for name, (low, high) in identified.intervals.items()]
+    assert sum(inside) >= 12 and identified.p_value > 0.01, identified.verdict
+    assert identified.values["ground.friction"] == pytest.approx(made.truth["ground.friction"], rel=0.01)
     for side in ("upper", "inclined"):
-        assert found.values[f"{side}.gap"] == pytest.approx(made.truth[f"{side}.gap"], abs=5e-5)
+        assert identified.values[f"{side}.gap"] == pytest.approx(made.truth[f"{side}.gap"], abs=5e-5)
         name = f"{side}.spring.stiffness"
-        assert found.values[name] == pytest.approx(made.truth[name], rel=0.005)
+        assert identified.values[name] == pytest.approx(made.truth[name], rel=0.005)
 
 
 @pytest.mark.slow
@@ -180,17 +182,17 @@ def test_noise_that_neighbours_only_bound_is_taken_taken_from_the_residuals(tmp_
     record = laboratory()
     from laboratory import Faults
     made = record(tmp_path / "bag", "damped", seed=1, covariances=False, faults=Faults(rate=100.0))
-    bounds = [one.sigma / deviation(one.field) for one in read_recording(made.bag, made.scene).channels
-              if one.field.startswith(("upper", "inclined"))]
+    bounds = [channel.sigma / deviation(channel.field) for channel in read_recording(made.bag, made.scene).channels
+              if channel.field.startswith(("upper", "inclined"))]
     assert len(bounds) == 4 and min(bounds) > 100.0
-    found = identify(made.bag, made.scene, THIRTEEN)
-    assert_found(found, made.truth)
-    assert found.windows["used"].mean() > 0.9 and found.verdict.startswith("the model fits")
-    assert all(0.9 < square < 1.1 for square in found.chi_square.values()), found.chi_square
-    for one in found.recording.channels:
-        if one.field.startswith("upper"):
-            assert one.sigma == pytest.approx(deviation(one.field), rel=0.2)  # 401 samples
-    assert sum("by the residuals of the fit" in line for line in found.said) >= 4
+    identified = identify(made.bag, made.scene, THIRTEEN)
+    assert_found(identified, made.truth)
+    assert identified.windows["used"].mean() > 0.9 and identified.verdict.startswith("the model fits")
+    assert all(0.9 < square < 1.1 for square in identified.chi_square.values()), identified.chi_square
+    for channel in identified.recording.channels:
+        if channel.field.startswith("upper"):
+            assert channel.sigma == pytest.approx(deviation(channel.field), rel=0.2)  # 401 samples
+    assert sum("by the residuals of the fit" in line for line in identified.said) >= 4
 
 
 @pytest.mark.process
@@ -211,13 +213,13 @@ def test_a_recording_with_pauses_is_fitted_as_a_whole_one(tmp_path):
                   joint_states(times, {f"{side}_mass": [noisy(f"{side}_position"), noisy(f"{side}_velocity")]
                                        for side in ("upper", "inclined")}))
     scene = truth.with_parameters({"ground.friction": 0.2, "mass.body": 1.02})
-    found = identify(bag, scene, ("ground.friction", "mass.body"), workers=1)
-    assert found.values["ground.friction"] == pytest.approx(0.205, rel=1e-3)
-    assert found.values["mass.body"] == pytest.approx(1.0, rel=1e-3)
-    assert found.verdict.startswith("the model fits") and found.windows["used"].all()
-    assert all(((times >= start) & (times < end)).any() for start, end, *_ in found.windows)
-    assert np.diff(found.windows["end"] - found.windows["start"]).max() < 1.0  # s; none lies across a pause
-    assert (found.windows["start"] > 62.5).sum() > 3 and found.passes < 500
+    identified = identify(bag, scene, ("ground.friction", "mass.body"), workers=1)
+    assert identified.values["ground.friction"] == pytest.approx(0.205, rel=1e-3)
+    assert identified.values["mass.body"] == pytest.approx(1.0, rel=1e-3)
+    assert identified.verdict.startswith("the model fits") and identified.windows["used"].all()
+    assert all(((times >= start) & (times < end)).any() for start, end, *_ in identified.windows)
+    assert np.diff(identified.windows["end"] - identified.windows["start"]).max() < 1.0  # s; none lies across a pause
+    assert (identified.windows["start"] > 62.5).sum() > 3 and identified.passes < 500
 
 
 @pytest.mark.process
@@ -232,26 +234,26 @@ def test_an_imu_tells_what_a_tracking_system_of_a_millimetre_does_not(tmp_path, 
     made = record(tmp_path / "bag", "damped", "field", seed=1, duration=1.5)
     free = ("mass.body", "upper.spring.stiffness", "inclined.spring.stiffness")
     scene = made.truth.with_parameters({name: made.scene[name] for name in free})
-    found = identify(made.bag, scene, free, workers=1)
-    for name, (low, high) in found.intervals.items():
-        assert abs(found.values[name] - made.truth[name]) < high - low < 0.01 * made.truth[name], name
-    assert set(found.chi_square) == {"tracking", "encoder", "imu/data_raw"}
-    assert all(0.8 < square < 1.2 for square in found.chi_square.values()), found.chi_square
-    assert found.verdict.startswith("the model fits") and found.windows["used"].mean() > 0.9
-    assert "imu/data_raw: acceleration x; mean square" in identification_page(found, "bag")
+    identified = identify(made.bag, scene, free, workers=1)
+    for name, (low, high) in identified.intervals.items():
+        assert abs(identified.values[name] - made.truth[name]) < high - low < 0.01 * made.truth[name], name
+    assert set(identified.chi_square) == {"tracking", "encoder", "imu/data_raw"}
+    assert all(0.8 < square < 1.2 for square in identified.chi_square.values()), identified.chi_square
+    assert identified.verdict.startswith("the model fits") and identified.windows["used"].mean() > 0.9
+    assert "imu/data_raw: acceleration x; mean square" in identification_page(identified, "bag")
     without = identify(made.bag, made.truth, free, noise={"imu/data_raw": math.inf}, workers=1)
-    for name, (low, high) in found.intervals.items():
+    for name, (low, high) in identified.intervals.items():
         assert high - low < 0.1 * np.diff(without.intervals[name])[0], name
 
 
 @pytest.mark.slow
 def test_field_sensors_tell_all_thirteen_from_the_defaults(tmp_path):
     made = laboratory()(tmp_path / "bag", "damped", "field", seed=0)
-    found = identify(made.bag, made.scene, THIRTEEN)
-    deviations = np.sqrt(np.diag(found.covariance))
-    errors = np.array([found.values[name] - made.truth[name] for name in THIRTEEN])
+    identified = identify(made.bag, made.scene, THIRTEEN)
+    deviations = np.sqrt(np.diag(identified.covariance))
+    errors = np.array([identified.values[name] - made.truth[name] for name in THIRTEEN])
     assert (np.abs(errors) < 4.0 * deviations).all(), dict(zip(THIRTEEN, errors / deviations, strict=True))
-    assert found.verdict.startswith("the model fits")
+    assert identified.verdict.startswith("the model fits")
 
 
 @pytest.mark.slow
@@ -259,10 +261,10 @@ def test_field_sensors_tell_all_thirteen_from_the_defaults(tmp_path):
 def test_a_robot_that_hops_is_found_from_thirty_percent_off(tmp_path, robot):
     made = laboratory()(tmp_path / "bag", robot, seed=1, spread=0.3)
     free = tuple(name for name in THIRTEEN if made.scene[name] or name.endswith("gap"))
-    found = identify(made.bag, made.scene, free)
-    assert_found(found, made.truth)
-    assert found.passes <= 1000
-    assert all(0.9 < square < 1.1 for square in found.chi_square.values()), found.chi_square
+    identified = identify(made.bag, made.scene, free)
+    assert_found(identified, made.truth)
+    assert identified.passes <= 1000
+    assert all(0.9 < square < 1.1 for square in identified.chi_square.values()), identified.chi_square
 
 
 @pytest.mark.slow
@@ -271,13 +273,13 @@ def test_another_friction_law_is_named_and_without_it_the_model_rejected(tmp_pat
     """With seed 1 the values that Coulomb friction has bent lead to no fit, and those of the scene do."""
     made = laboratory()(tmp_path / "bag", "stribeck", seed=seed, duration=3.0)
     free = tuple(name for name in THIRTEEN if made.scene[name] or name.endswith("gap"))
-    found = identify(made.bag, made.scene, free, effects=("slope", "stribeck"))
-    assert found.alternatives[0].effect == "stribeck"
-    assert found.alternatives[0].p_value < 1e-3
-    assert found.p_value < 1e-3  # by the residuals alone, as without effects
-    assert "stribeck" in found.verdict
-    assert found.alternatives[0].mean_square < 1.1
-    assert found.alternatives[0].values["ground.stribeck_speed"] == pytest.approx(0.05, rel=0.03)
+    identified = identify(made.bag, made.scene, free, effects=("slope", "stribeck"))
+    assert identified.alternatives[0].effect == "stribeck"
+    assert identified.alternatives[0].p_value < 1e-3
+    assert identified.p_value < 1e-3  # by the residuals alone, as without effects
+    assert "stribeck" in identified.verdict
+    assert identified.alternatives[0].mean_square < 1.1
+    assert identified.alternatives[0].values["ground.stribeck_speed"] == pytest.approx(0.05, rel=0.03)
 
 
 FIVE = (*FREE, "guide.angle", "upper.spring.damping")
@@ -319,8 +321,8 @@ def test_intervals_cover(scene, free, correlation, commands, fields, duration, d
         errors = [late / each.unit if (each.owner, each.kind) == ("odom", "offset") else first for each, first in zip(
             fitting.nuisances.each, fitting.nuisances.coordinates, strict=True)]
         begin = np.append(unknowns.coordinates(scene.parameters), errors)
-        found, _ = intervals(fitting.followed(begin), lambda words: None)
-        return [low <= scene[name] <= high for name, (low, high) in found.items()]
+        limits, _ = intervals(fitting.followed(begin), lambda words: None)
+        return [low <= scene[name] <= high for name, (low, high) in limits.items()]
 
     all_covered = np.array([future.result() for _, future in in_processes(covered, range(draws), core_count())])
     assert 0.91 <= all_covered.mean() <= 0.98, dict(zip(free, all_covered.sum(axis=0).tolist(), strict=True))
@@ -342,7 +344,7 @@ def test_a_motor_that_is_switched_on_at_the_first_sample_rests_there_and_a_runni
         start = fitting.nuisances.start(fitting.nuisances.coordinates).state
         assert start["motor_speed"] == pytest.approx(speed, abs=0.3)
         assert start["crank_angle"] == pytest.approx(0.0, abs=TICK)
-        assert [one.kind for one in fitting.nuisances.each] == ["crank_angle"] + ["motor_speed"] * moving
+        assert [nuisance.kind for nuisance in fitting.nuisances.each] == ["crank_angle"] + ["motor_speed"] * moving
 
 
 def test_a_crank_that_turns_is_not_at_rest_because_its_encoder_has_lost_a_sample():
@@ -422,9 +424,9 @@ def test_a_bag_without_messages_of_the_robot_or_of_an_imu_alone_is_refused(tmp_p
 
 
 def test_a_recording_of_a_tenth_of_a_second_tells_what_it_can(tmp_path):
-    found = identify(bag(tmp_path / "bag", duration=0.1), DAMPED, FREE, workers=1)
-    assert found.values["ground.friction"] == pytest.approx(DAMPED["ground.friction"], rel=0.02)
-    assert all(low < high for low, high in found.intervals.values())
+    identified = identify(bag(tmp_path / "bag", duration=0.1), DAMPED, FREE, workers=1)
+    assert identified.values["ground.friction"] == pytest.approx(DAMPED["ground.friction"], rel=0.02)
+    assert all(low < high for low, high in identified.intervals.values())
 
 
 @pytest.mark.process
@@ -432,25 +434,25 @@ def test_a_recording_of_a_tenth_of_a_second_tells_what_it_can(tmp_path):
     (("encoder",), False, FREE), (("odom", "joint_states"), True, ("ground.friction", "mass.body")),
     (("tracking",), False, ())], ids=["an encoder alone", "nothing moves", "tracking alone"])
 def test_what_a_recording_does_not_tell_is_said(tmp_path, sensors, still, untold):
-    found = identify(bag(tmp_path / "bag", duration=0.3, sensors=sensors, still=still), DAMPED, FREE, workers=1)
+    identified = identify(bag(tmp_path / "bag", duration=0.3, sensors=sensors, still=still), DAMPED, FREE, workers=1)
     for name in untold:
-        assert f"the recording does not tell {name}" in found.rank
-        low, high = found.intervals[name]
+        assert f"the recording does not tell {name}" in identified.rank
+        low, high = identified.intervals[name]
         assert still or high > 3.0 * low
-    assert len(set(found.rank)) == len(found.rank)
-    assert all(low <= high for low, high in found.intervals.values())
-    assert np.isfinite(found.covariance).all()
-    assert not still or not found.verdict.startswith("the model fits")
+    assert len(set(identified.rank)) == len(identified.rank)
+    assert all(low <= high for low, high in identified.intervals.values())
+    assert np.isfinite(identified.covariance).all()
+    assert not still or not identified.verdict.startswith("the model fits")
 
 
 def test_a_parameter_at_the_end_of_its_range_stays_there_and_the_others_still_fit(moving):
     """The recorded robot has no viscous friction, which is where the parameter's range begins."""
     scene = DAMPED.with_parameters({"ground.friction": 0.22})
-    found = identify(moving, scene, ("ground.friction", "ground.viscous_friction"), workers=1)
-    assert 0.0 <= found.values["ground.viscous_friction"] < 0.1
-    assert found.values["ground.friction"] == pytest.approx(0.2, rel=0.02)
-    assert all(0.85 < square < 1.15 for square in found.chi_square.values()), found.chi_square
-    found = identify(moving, DAMPED.with_parameters({"upper.gap": 5e-4}), ("upper.gap",),
-                     ranges={"upper.gap": (1e-4, 1e-3)}, workers=1)
-    assert found.values["upper.gap"] == pytest.approx(1e-4, rel=1e-3)
-    assert "does not fit" in found.verdict or "left out" in found.verdict
+    identified = identify(moving, scene, ("ground.friction", "ground.viscous_friction"), workers=1)
+    assert 0.0 <= identified.values["ground.viscous_friction"] < 0.1
+    assert identified.values["ground.friction"] == pytest.approx(0.2, rel=0.02)
+    assert all(0.85 < square < 1.15 for square in identified.chi_square.values()), identified.chi_square
+    identified = identify(moving, DAMPED.with_parameters({"upper.gap": 5e-4}), ("upper.gap",),
+                          ranges={"upper.gap": (1e-4, 1e-3)}, workers=1)
+    assert identified.values["upper.gap"] == pytest.approx(1e-4, rel=1e-3)
+    assert "does not fit" in identified.verdict or "left out" in identified.verdict

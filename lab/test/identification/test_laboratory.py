@@ -29,26 +29,26 @@ def test_our_own_solver_finds_the_motion_of_a_laboratory_recording(robot, tmp_pa
         f"joint_states.{side}_{name}": sigma for side in ("upper", "inclined")
         for name, sigma in (("position", 5e-5), ("velocity", 1e-3))})
     hop = {"body_height", "body_vertical_velocity"} if made.truth.body_hops else set()
-    assert {one.field for one in recording.channels} == CHANNELS | hop
+    assert {channel.field for channel in recording.channels} == CHANNELS | hop
     horizon = HORIZON.get(robot, 0.5)
     times = recording.channels[0].times
     times = times[times <= horizon]
     run = vibro_ros.simulate(made.truth, times=times, commands=recording.commands)
-    for one in recording.channels:
-        residuals = (one.values[:len(times)] - getattr(run, one.field)) / one.sigma
-        assert 0.7 < np.mean(residuals**2) < 1.3, one.field
+    for channel in recording.channels:
+        residuals = (channel.values[:len(times)] - getattr(run, channel.field)) / channel.sigma
+        assert 0.7 < np.mean(residuals**2) < 1.3, channel.field
     assert made.truth != made.scene
 
 
 def test_field_sensors_measure_what_our_own_sensors_would(tmp_path):
     made = record(tmp_path / "bag", "damped", "field", duration=1.0)
-    recording = {one.field: one for one in read_recording(made.bag, made.truth).channels}
+    recording = {channel.field: channel for channel in read_recording(made.bag, made.truth).channels}
     assert set(recording) == {"body_position", "acceleration_x", "crank_angle"}
     assert (recording["body_position"].sigma, recording["body_position"].sigma_from) == (1e-3, "covariance")
     assert recording["crank_angle"].resolution == pytest.approx(math.tau / 4096)
-    own = vibro_ros.SensedSimulator(made.truth)
-    own.advance_to(1.0)
-    read = np.array([values[0] for sensor, _, values in own.take_measurements() if sensor == "imu"])
+    simulator = vibro_ros.SensedSimulator(made.truth)
+    simulator.advance_to(1.0)
+    read = np.array([values[0] for sensor, _, values in simulator.take_measurements() if sensor == "imu"])
     measured = recording["acceleration_x"]
     assert np.abs(measured.values).max() > 100.0  # blows are in it
     # The same seed draws the same noise. The low-pass by steps of 50 µs is 1 % off where a blow lasts some of them.
@@ -62,9 +62,9 @@ def test_each_fault_of_a_laboratory_is_in_its_bag(tmp_path):
                     stated=0.33, begins_in_motion=0.5, camera_scale=1.01)
     made = record(tmp_path / "bag", "damped", duration=5.0, faults=faults)
     recording = read_recording(made.bag, made.truth)
-    found = {one.field: one for one in recording.channels}
-    body, mass, crank = found["body_position"], found["upper_position"], found["crank_angle"]
-    begin = min(one.times[0] for one in recording.channels)
+    channels = {channel.field: channel for channel in recording.channels}
+    body, mass, crank = channels["body_position"], channels["upper_position"], channels["crank_angle"]
+    begin = min(channel.times[0] for channel in recording.channels)
     for channel, late, share in ((body, 0.003, 0.0), (mass, 0.0, 1e-3), (crank, 0.0, 0.0)):
         assert 420 < len(channel.times) < 480
         since = channel.times + (recording.start - 1_763_700_000.0) - begin
@@ -80,7 +80,7 @@ def test_each_fault_of_a_laboratory_is_in_its_bag(tmp_path):
     assert np.median(away) == pytest.approx(0.674 * 5e-5, rel=0.15)
     assert 3 <= (away > 5e-4).sum() <= 18
     camera = record(tmp_path / "camera", "damped", duration=0.5, faults=Faults(rate=100.0, positions_only=True))
-    assert {f"{one.sensor}.{one.field}" for one in read_recording(camera.bag, camera.truth).channels} == {
+    assert {f"{channel.sensor}.{channel.field}" for channel in read_recording(camera.bag, camera.truth).channels} == {
         "tracking.body_position", "joint_states.upper_position", "joint_states.inclined_position",
         "encoder.crank_angle"}
 
@@ -90,8 +90,8 @@ def test_the_low_pass_of_a_step_is_that_of_butterworth():
     times, rate = np.arange(2001) / 1e5, math.tau * 260.0
     since = (times[1:] - 0.5e-5) * rate / math.sqrt(2.0)
     exact = 2.0 * math.sqrt(2.0) * rate * np.exp(-since) * np.sin(since)
-    found = lowpassed(times, np.where(times > 0.0, 2.0, 0.0), 260.0)
-    assert np.abs(found[1:] - exact).max() < 1e-3 * exact.max()
+    acceleration = lowpassed(times, np.where(times > 0.0, 2.0, 0.0), 260.0)
+    assert np.abs(acceleration[1:] - exact).max() < 1e-3 * exact.max()
 
 
 def test_the_command_writes_the_bag_and_both_scenes(tmp_path):
@@ -101,5 +101,5 @@ def test_the_command_writes_the_bag_and_both_scenes(tmp_path):
     truth, scene = (vibro_ros.load_scene(tmp_path / f"bag.{name}.yaml") for name in ("truth", "scene"))
     assert (truth["effects.friction"], scene["effects.friction"]) == ("stribeck", "coulomb")
     assert scene["sensors.preset"] == FIELD["sensors.preset"]
-    assert {one.sensor for one in read_recording(tmp_path / "bag", scene).channels} == {
+    assert {channel.sensor for channel in read_recording(tmp_path / "bag", scene).channels} == {
         "tracking", "imu/data_raw", "encoder"}

@@ -35,15 +35,15 @@ def noise(sigma, count=1000):
     return sigma * RANDOM.standard_normal(count)
 
 
-def channel(recording, name):
-    return next(one for one in recording.channels if f"{one.sensor}.{one.field}" == name)
+def channel_of(recording, name):
+    return next(channel for channel in recording.channels if f"{channel.sensor}.{channel.field}" == name)
 
 
 def test_channels_have_the_measured_values_at_the_stamps_of_the_headers(tmp_path):
     late = [(topic, at + 30_000_000, data) for topic, at, data in tracking(TIMES[::5], 2.0 * X[::5], 1e-6)]
     bag = written(tmp_path / "bag", odometry(TIMES + 0.1, X, V, (1e-8, 1e-6)), late)
     recording = read_recording(bag, DAMPED)
-    assert [f"{one.sensor}.{one.field}" for one in recording.channels] == [
+    assert [f"{channel.sensor}.{channel.field}" for channel in recording.channels] == [
         "odom.body_position", "odom.body_velocity", "tracking.body_position"]
     position, velocity, tracked = recording.channels
     np.testing.assert_array_equal(position.values, X)
@@ -52,7 +52,7 @@ def test_channels_have_the_measured_values_at_the_stamps_of_the_headers(tmp_path
     np.testing.assert_allclose(position.times, TIMES - 0.9, rtol=0, atol=1e-9)  # a stamp is rounded to 1e-9 s
     np.testing.assert_allclose(tracked.times, TIMES[::5] - 1.0, rtol=0, atol=1e-9)
     assert (position.sigma, velocity.sigma, tracked.sigma) == pytest.approx((1e-4, 1e-3, 1e-3))
-    assert {one.sigma_from for one in recording.channels} == {"covariance"}
+    assert {channel.sigma_from for channel in recording.channels} == {"covariance"}
     assert recording.start == pytest.approx(START * 1e-9 + 1.0, abs=1e-6)
     assert recording.duration == pytest.approx(2.098, abs=1e-9)
 
@@ -67,22 +67,22 @@ def test_a_body_that_hops_has_a_height_with_variances_of_its_own(tmp_path):
 
     rows = odometry(TIMES, np.array([X, X**2]), np.array([V, 2.0 * X * V]), (1e-8, 1e-6))
     bag = written(tmp_path / "bag", widened(rows))
-    found = {one.field: one for one in read_recording(
+    channels = {channel.field: channel for channel in read_recording(
         bag, DAMPED.with_parameters({"effects.normal_force": "hop"})).channels}
-    np.testing.assert_array_equal(found["body_height"].values, X**2)
-    np.testing.assert_array_equal(found["body_vertical_velocity"].values, 2.0 * X * V)
-    assert [one.sigma for one in found.values()] == pytest.approx([1e-4, 2e-4, 1e-3, 3e-3])
+    np.testing.assert_array_equal(channels["body_height"].values, X**2)
+    np.testing.assert_array_equal(channels["body_vertical_velocity"].values, 2.0 * X * V)
+    assert [channel.sigma for channel in channels.values()] == pytest.approx([1e-4, 2e-4, 1e-3, 3e-3])
 
 
 def test_joints_in_any_order_without_velocities_and_unknown_ones(tmp_path):
     joints = {"gripper": [X], "inclined_mass": [0.03 + X + noise(1e-4)], "crank": [9.0 * TIMES + noise(1e-3)]}
     recording = read_recording(written(tmp_path / "bag", joint_states(TIMES, joints)), DAMPED)
-    assert [one.field for one in recording.channels] == ["inclined_position", "crank_angle"]
+    assert [channel.field for channel in recording.channels] == ["inclined_position", "crank_angle"]
     np.testing.assert_array_equal(recording.channels[0].values, joints["inclined_mass"][0])
     assert any("gripper" in sentence for sentence in recording.said)
     velocities = {"upper_mass": [X, V], "crank": [TIMES, np.full(len(TIMES), math.nan)]}
     recording = read_recording(written(tmp_path / "other", joint_states(TIMES, velocities)), DAMPED)
-    assert [one.field for one in recording.channels] == ["upper_position", "crank_angle", "upper_velocity"]
+    assert [channel.field for channel in recording.channels] == ["upper_position", "crank_angle", "upper_velocity"]
     assert any("crank.velocity" in sentence for sentence in recording.said)
 
 
@@ -90,21 +90,21 @@ def test_an_encoder_has_the_resolution_of_its_ticks_and_no_speed(tmp_path):
     tick = math.tau / 4096
     angle = tick * np.round(31.0 * TIMES / tick)
     bag = written(tmp_path / "bag", joint_states(TIMES, {"crank": [angle, V]}, "encoder"))
-    (found,) = read_recording(bag, DAMPED).channels
-    assert (found.field, found.sigma_from) == ("crank_angle", "resolution")
-    assert (found.resolution, found.sigma) == pytest.approx((tick, tick / math.sqrt(12.0)))
+    (crank,) = read_recording(bag, DAMPED).channels
+    assert (crank.field, crank.sigma_from) == ("crank_angle", "resolution")
+    assert (crank.resolution, crank.sigma) == pytest.approx((tick, tick / math.sqrt(12.0)))
     other = read_recording(bag, DAMPED.with_parameters({"sensors.encoder.ticks": 1000.0})).channels[0]
     assert (other.resolution, other.sigma_from) == (0.0, "neighbours")
-    assert 0.5 < other.sigma / found.sigma < 2.0  # at a constant speed the rounding is no white noise
+    assert 0.5 < other.sigma / crank.sigma < 2.0  # at a constant speed the rounding is no white noise
 
 
 def test_an_imu_measures_along_x_and_up_only_where_the_body_hops(tmp_path):
     bag = written(tmp_path / "bag", imu(TIMES, X + noise(0.3), 9.81 + noise(0.3), 0.09))
     scene = DAMPED.with_parameters({"sensors.imu.bandwidth": 260.0})
-    assert [one.field for one in read_recording(bag, scene).channels] == ["acceleration_x"]
+    assert [channel.field for channel in read_recording(bag, scene).channels] == ["acceleration_x"]
     hop = scene.with_parameters({"effects.normal_force": "hop"})
-    assert [one.field for one in read_recording(bag, hop).channels] == ["acceleration_x", "acceleration_z"]
-    assert channel(read_recording(bag, hop), "imu/data_raw.acceleration_z").sigma == pytest.approx(0.3)
+    assert [channel.field for channel in read_recording(bag, hop).channels] == ["acceleration_x", "acceleration_z"]
+    assert channel_of(read_recording(bag, hop), "imu/data_raw.acceleration_z").sigma == pytest.approx(0.3)
 
 
 def test_an_imu_clips_and_is_off_by_a_constant_as_the_scene_says(tmp_path):
@@ -112,18 +112,18 @@ def test_an_imu_clips_and_is_off_by_a_constant_as_the_scene_says(tmp_path):
     bag = written(tmp_path / "bag", imu(TIMES, X + noise(0.3), 9.81 + noise(0.3), 0.3**2 + 0.4**2))
     scene = DAMPED.with_parameters({"sensors.imu.bandwidth": 260.0, "sensors.imu.accelerometer.range": 20.0,
                                     "sensors.imu.accelerometer.turn_on_bias": 0.4})
-    found = channel(read_recording(bag, scene), "imu/data_raw.acceleration_x")
-    assert (found.sigma, found.bias, found.bandwidth) == (pytest.approx(0.3), 0.4, 260.0)
-    assert found.limit == pytest.approx(20.0 - 3.0 * 0.5)
+    acceleration = channel_of(read_recording(bag, scene), "imu/data_raw.acceleration_x")
+    assert (acceleration.sigma, acceleration.bias, acceleration.bandwidth) == (pytest.approx(0.3), 0.4, 260.0)
+    assert acceleration.limit == pytest.approx(20.0 - 3.0 * 0.5)
     faint = written(tmp_path / "faint", imu(TIMES, noise(0.05), noise(0.05), 0.05**2 + 0.4**2))
     least = read_recording(faint, scene.with_parameters({"sensors.imu.accelerometer.range": 1.0}))
-    assert channel(least, "imu/data_raw.acceleration_x").limit == 0.0  # such an IMU says nothing
+    assert channel_of(least, "imu/data_raw.acceleration_x").limit == 0.0  # such an IMU says nothing
     both = written(tmp_path / "both", imu(TIMES, X, X, 1.0), odometry(TIMES, X, V, (1e-8, 1e-6)))
     for machine, given, why in ((DAMPED, {}, "does not say which low-pass the IMU has.*give sensors.imu.bandwidth"),
                                 (scene, {"imu/data_raw": math.inf}, "as its noise says")):
-        found = read_recording(both, machine, given)
-        assert {one.sensor for one in found.channels} == {"odom"}
-        assert re.search(f"imu/data_raw is left out.*{why}", "\n".join(found.said))
+        recording = read_recording(both, machine, given)
+        assert {channel.sensor for channel in recording.channels} == {"odom"}
+        assert re.search(f"imu/data_raw is left out.*{why}", "\n".join(recording.said))
     with pytest.raises(BagError, match="sensors.imu.accelerometer.range: 0.1 m/s² in the scene, acceleration_x is up"):
         read_recording(bag, scene.with_parameters({"sensors.imu.accelerometer.range": 0.1}))
 
@@ -148,13 +148,14 @@ def test_commands_come_from_all_topics_and_those_before_the_first_measurement_ho
 def test_our_own_robot_is_read_in_its_namespace_and_its_truth_has_a_floor_for_noise(tmp_path):
     bag = robot_bag(tmp_path / "bag", DAMPED, 200, {0: {"motor_speed": 100.0}, 50: "timeout"})
     recording = read_recording(bag, DAMPED)
-    assert {one.sensor for one in recording.channels} == {"odom", "joint_states"}
+    assert {channel.sensor for channel in recording.channels} == {"odom", "joint_states"}
     assert recording.commands == ((0.0, {"motor_speed": 100.0}), (pytest.approx(0.25), {"motor_speed": 0.0}))
-    plate = channel(recording, "joint_states.upper_plate_position")
+    plate = channel_of(recording, "joint_states.upper_plate_position")
     assert (plate.sigma, plate.sigma_from) == (1e-6, "neighbours")
     assert any("upper_plate_position" in line and "hardly any noise" in line for line in recording.said)
     run = vibro_ros.simulate(DAMPED, 199 / 200, 200.0, commands=recording.commands)
-    np.testing.assert_allclose(channel(recording, "odom.body_position").values, run.body_position, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(channel_of(recording, "odom.body_position").values, run.body_position, rtol=0,
+                               atol=1e-12)
 
 
 @pytest.mark.parametrize(("scene", "rate", "worst"), [("damped", 500.0, 1.25), ("damped", 1000.0, 1.15),
@@ -185,7 +186,7 @@ def test_noise_is_given_by_sensor_or_channel_and_infinity_leaves_out(tmp_path):
     bag = written(tmp_path / "bag", odometry(TIMES, X, V, (1e-8, 1e-6)), tracking(TIMES, X, 1e-6))
     given = {"odom": 0.5, "odom.body_velocity": 0.25, "tracking": math.inf}
     recording = read_recording(bag, DAMPED, given)
-    assert [(one.field, one.sigma, one.sigma_from) for one in recording.channels] == [
+    assert [(channel.field, channel.sigma, channel.sigma_from) for channel in recording.channels] == [
         ("body_position", 0.5, "given"), ("body_velocity", 0.25, "given")]
     for wrong, why in (({"odometry": 1.0}, "no such channel"), ({"odom": 0.0}, "above 0"),
                        ({"odom": math.nan}, "above 0")):
@@ -195,9 +196,9 @@ def test_noise_is_given_by_sensor_or_channel_and_infinity_leaves_out(tmp_path):
 
 def test_a_variance_of_0_is_not_known_and_the_noise_is_estimated(tmp_path):
     bag = written(tmp_path / "bag", tracking(TIMES, X + noise(1e-3), 0.0))
-    (found,) = read_recording(bag, DAMPED).channels
-    assert found.sigma_from == "neighbours"
-    assert found.sigma == pytest.approx(1e-3, rel=0.12)
+    (position,) = read_recording(bag, DAMPED).channels
+    assert position.sigma_from == "neighbours"
+    assert position.sigma == pytest.approx(1e-3, rel=0.12)
 
 
 @pytest.mark.parametrize("variance", [-1.0, math.nan, math.inf, np.finfo(float).max])
@@ -218,7 +219,7 @@ def test_a_variance_that_says_not_measured_drops_that_number_and_no_other(tmp_pa
     assert any("body_position: 500 samples" in line and "500 others not measured" in line for line in recording.said)
     bag = written(tmp_path / "other", odometry(TIMES, X, V, (1e-8, variance)))
     recording = read_recording(bag, DAMPED)
-    assert [one.field for one in recording.channels] == ["body_position"]
+    assert [channel.field for channel in recording.channels] == ["body_position"]
     assert any("odom: body_velocity is left out" in line and "not measured" in line for line in recording.said)
     with pytest.raises(BagError, match="measures nothing .* its variance, or NaN, says of 1000 of 1000 numbers"):
         read_recording(written(tmp_path / "none", tracking(TIMES, X, variance)), DAMPED)
@@ -242,13 +243,13 @@ def test_each_joint_has_the_instants_at_which_it_was_measured(tmp_path):
                   joint_states(TIMES + 3e-4, {"inclined_mass": [holed]}))
     recording = read_recording(bag, DAMPED)
     assert not any("unreadable" in line for line in recording.said)
-    upper = channel(recording, "joint_states.upper_position")
+    upper = channel_of(recording, "joint_states.upper_position")
     np.testing.assert_array_equal(upper.values, y)
     np.testing.assert_allclose(upper.times, TIMES - TIMES[0], rtol=0, atol=1e-9)
-    speed = channel(recording, "joint_states.upper_velocity")
+    speed = channel_of(recording, "joint_states.upper_velocity")
     np.testing.assert_array_equal(speed.values, V[1::2])
     np.testing.assert_allclose(speed.times, TIMES[1::2] - TIMES[0], rtol=0, atol=1e-9)
-    inclined = channel(recording, "joint_states.inclined_position")
+    inclined = channel_of(recording, "joint_states.inclined_position")
     np.testing.assert_array_equal(inclined.values, np.delete(z, 7))
     np.testing.assert_allclose(inclined.times, np.delete(TIMES, 7) + 3e-4 - TIMES[0], rtol=0, atol=1e-9)
 
@@ -265,10 +266,10 @@ def test_an_angle_within_one_turn_is_unwrapped_where_samples_are_dense_enough(tm
     scene, command = DAMPED.with_parameters({"motor.speed": 60.0}), numbers("motor_speed", [(1.0, 60.0)])
     bag = written(tmp_path / "bag", encoder(TIMES, 60.0, lowest), list(command))
     recording = read_recording(bag, scene)
-    (found,) = recording.channels
+    (unwrapped,) = recording.channels
     counted = read_recording(written(tmp_path / "counted", encoder(TIMES, 60.0)), scene).channels[0]
-    np.testing.assert_allclose(found.values - found.values[0], counted.values, rtol=0, atol=1e-9)
-    assert (found.resolution, found.sigma) == (counted.resolution, counted.sigma)
+    np.testing.assert_allclose(unwrapped.values - unwrapped.values[0], counted.values, rtol=0, atol=1e-9)
+    assert (unwrapped.resolution, unwrapped.sigma) == (counted.resolution, counted.sigma)
     assert any("crank_angle: is given within one turn, and is unwrapped" in line for line in recording.said)
     sparse = TIMES[::35]  # 14.3 Hz: 4.2 rad between two samples
     bag = written(tmp_path / "sparse", encoder(sparse, 60.0, lowest))
@@ -297,10 +298,10 @@ def test_a_stamp_that_was_never_set_and_copies_of_two_recorders_are_left_out_and
     copies = [(topic, at + 3_000_000, data) for topic, at, data in rows[100:400]]  # between later ones of the other
     recording = read_recording(written(tmp_path / "bag", rows, copies), DAMPED)
     kept = np.delete(np.arange(1000), [0, 500])
-    for found, whole in zip(recording.channels, plain.channels, strict=True):
-        np.testing.assert_array_equal(found.values, whole.values[kept])
-        np.testing.assert_allclose(found.times, whole.times[kept] - whole.times[1], rtol=0, atol=1e-6)
-        assert found.sigma == whole.sigma
+    for channel, whole in zip(recording.channels, plain.channels, strict=True):
+        np.testing.assert_array_equal(channel.values, whole.values[kept])
+        np.testing.assert_allclose(channel.times, whole.times[kept] - whole.times[1], rtol=0, atol=1e-6)
+        assert channel.sigma == whole.sigma
     assert "/odom: 2 of 1300 messages left out, because the stamp was never set" in recording.said
     assert any(line.startswith("/odom: 300 of 1300 messages left out, because it is a copy") for line in recording.said)
 

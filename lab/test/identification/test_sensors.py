@@ -71,7 +71,7 @@ def test_numbers_of_one_message_have_one_error_of_its_stamp():
     jitters = np.where(windows.channel == 0, 2.0, -1.0)
     nothing = np.zeros(len(plain))
     windows.recolour(Colours(np.ones(2), np.zeros(2), jitters, nothing, nothing, nothing > 0.0))
-    random, found = np.random.default_rng(49), []
+    random, whitened = np.random.default_rng(49), []
     first, second = np.flatnonzero(windows.channel == 0), np.flatnonzero(windows.channel == 1)
     values = windows.values.copy()
     for _ in range(20):
@@ -80,9 +80,9 @@ def test_numbers_of_one_message_have_one_error_of_its_stamp():
         windows.values[first] += 2.0 * late
         windows.values[second] -= late
         white = windows.simulate(DAMPED, Start({}, {}), states).residuals
-        found += [white[first], white[second]]
-    one, other = np.concatenate(found[::2]), np.concatenate(found[1::2])  # 3000 of each: 4 deviations are 0.1
-    assert np.cov(one, other) == pytest.approx(np.eye(2), abs=0.1)
+        whitened += [white[first], white[second]]
+    upper, inclined = np.concatenate(whitened[::2]), np.concatenate(whitened[1::2])
+    assert np.cov(upper, inclined) == pytest.approx(np.eye(2), abs=0.1)  # 3000 of each: 4 deviations are 0.1
 
 
 @pytest.mark.parametrize(("size", "jitter"), [(1.0, 3e-4), (3.0, 0.0), (0.33, 0.0), (3.0, 3e-4)])
@@ -92,8 +92,8 @@ def test_size_of_noise_and_jitter_are_told_apart_by_the_rate(size, jitter):
     rates = 1e4 * np.sin(0.2 * np.arange(count))  # 1/s: 0.5 m/s of a sensor of 0.05 mm
     residuals = (size * random.standard_normal(count) + jitter * random.standard_normal(count) * rates
                  + 10.0 * np.sin(0.01 * np.arange(count)))
-    sizes, found = sizes_of(np.zeros(count, int), np.arange(count) > 0, residuals, rates, np.array([False]))
-    assert found == pytest.approx(jitter, rel=0.1)
+    sizes, estimated_jitter = sizes_of(np.zeros(count, int), np.arange(count) > 0, residuals, rates, np.array([False]))
+    assert estimated_jitter == pytest.approx(jitter, rel=0.1)
     assert sizes[0] == pytest.approx(size, rel=0.1 if jitter else 0.05)
 
 
@@ -104,8 +104,8 @@ def test_a_size_that_jitter_hides_is_not_found_to_be_nothing():
     for seed in range(20):
         random = np.random.default_rng(seed)
         residuals = random.standard_normal(300) + 3e-4 * random.standard_normal(300) * rates
-        sizes, found = sizes_of(np.zeros(300, int), np.arange(300) > 0, residuals, rates, np.array([False]))
-        assert found == pytest.approx(3e-4, rel=0.2) and 0.4 < sizes[0] < 2.5, seed
+        sizes, estimated_jitter = sizes_of(np.zeros(300, int), np.arange(300) > 0, residuals, rates, np.array([False]))
+        assert estimated_jitter == pytest.approx(3e-4, rel=0.2) and 0.4 < sizes[0] < 2.5, seed
 
 
 def test_an_outlier_is_one_among_good_samples_and_no_wrong_model():
@@ -113,8 +113,8 @@ def test_an_outlier_is_one_among_good_samples_and_no_wrong_model():
     residuals = random.standard_normal(1000)
     planted = np.arange(20, 1000, 50)
     residuals[planted] += 30.0
-    found = wild(np.zeros(1000, int), residuals, np.ones(1000), 6.0, 0.06)
-    np.testing.assert_array_equal(np.flatnonzero(found), planted)
+    is_wild = wild(np.zeros(1000, int), residuals, np.ones(1000), 6.0, 0.06)
+    np.testing.assert_array_equal(np.flatnonzero(is_wild), planted)
     bent = random.standard_normal(1000) + np.where(np.arange(1000) % 100 < 20, 30.0, 0.0)  # for 20 samples at a time
     assert not wild(np.zeros(1000, int), bent, np.ones(1000), 6.0, 0.06).any()
     many = random.standard_normal(1000) + np.where(np.arange(1000) % 10 == 0, 30.0, 0.0)

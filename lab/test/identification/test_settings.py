@@ -46,7 +46,7 @@ def test_half_and_twice_a_setting_lead_to_the_same_robot(bags, name, factor):
     settings = replace(FitSettings(), **{name: scaled(getattr(FitSettings(), name), name, factor)})
     made = bags["field" if name in UNSEEN else "coarse" if name in COARSE else "fast"]
     scene = made.truth.with_parameters({free: made.scene[free] for free in FREE})
-    found = identify(made.bag, scene, FREE, workers=1, settings=settings)
-    assert found.verdict.startswith("the model fits"), found.verdict
-    for free, (low, high) in found.intervals.items():
-        assert abs(found.values[free] - made.truth[free]) < high - low, free
+    identified = identify(made.bag, scene, FREE, workers=1, settings=settings)
+    assert identified.verdict.startswith("the model fits"), identified.verdict
+    for free, (low, high) in identified.intervals.items():
+        assert abs(identified.values[free] - made.truth[free]) < high - low, free

@@ -34,31 +34,31 @@ def linear(windows, parameters=PARAMETERS):
                   RANDOM.standard_normal((count, states, states)))
     first, ends = RANDOM.standard_normal(measurements), 1e-3 * RANDOM.standard_normal((count, states))
 
-    def simulated(own, at):
-        return Pass(first + by.residuals @ own + np.sum(by.residuals_by_state * at[windows.window], axis=1),
-                    ends + by.ends @ own + np.einsum("kij,kj->ki", by.ends_by_state, at))
+    def simulated(coordinates, at):
+        return Pass(first + by.residuals @ coordinates + np.sum(by.residuals_by_state * at[windows.window], axis=1),
+                    ends + by.ends @ coordinates + np.einsum("kij,kj->ki", by.ends_by_state, at))
 
     return Shooting(windows, simulated), by
 
 
 def dense(shooting, by, at, width):
     """Return matrix and right side of all residuals and defects, in units of their widths, for a dense solver."""
-    windows, (count, states), own = shooting.windows, at.states.shape, len(at.parameters)
+    windows, (count, states), parameters = shooting.windows, at.states.shape, len(at.parameters)
     rows, right = [], []
-    for residual, window, by_own, by_state in zip(at.found.residuals, windows.window, by.residuals,
-                                                  by.residuals_by_state, strict=True):
+    for residual, window, by_parameters, by_state in zip(at.found.residuals, windows.window, by.residuals,
+                                                         by.residuals_by_state, strict=True):
         row = np.zeros((count, states))
         row[window] = by_state
-        rows.append([*by_own, *row.ravel()])
+        rows.append([*by_parameters, *row.ravel()])
         right.append(residual)
     for k in np.flatnonzero(windows.joined):
         for i in range(states):
             row = np.zeros((count, states))
             row[k], row[k + 1, i] = by.ends_by_state[k, i], -1.0
             scale = 1.0 / (width * shooting.widths[i])
-            rows.append([scale * one for one in (*by.ends[k, i], *row.ravel())])
+            rows.append([scale * derivative for derivative in (*by.ends[k, i], *row.ravel())])
             right.append(scale * (at.found.ends[k, i] - at.states[k + 1, i]))
-    assert np.shape(rows)[1] == own + count * states
+    assert np.shape(rows)[1] == parameters + count * states
     return np.array(rows), np.array(right)
 
 
@@ -74,8 +74,9 @@ def test_a_step_is_that_of_dense_least_squares(problem):
     shooting, by, at = problem
     matrix, right = dense(shooting, by, at, 1.0)
     exact = -np.linalg.lstsq(matrix, right, rcond=None)[0]
-    own, states = shooting.equations(at, by, 0.0, 1.0).step()
-    assert_allclose(np.concatenate([own, states.ravel()]), exact, rtol=0, atol=1e-8 * np.abs(exact).max())
+    parameter_steps, state_steps = shooting.equations(at, by, 0.0, 1.0).step()
+    assert_allclose(np.concatenate([parameter_steps, state_steps.ravel()]), exact, rtol=0,
+                    atol=1e-8 * np.abs(exact).max())
     assert shooting.misfit(at, 0.0, 1.0) == pytest.approx(right @ right)
 
 
@@ -83,8 +84,8 @@ def test_the_information_is_that_of_parameters_when_the_states_are_unknown_as_we
     shooting, by, at = problem
     matrix, _ = dense(shooting, by, at, 1.0)
     covariance = np.linalg.inv(matrix.T @ matrix)[:PARAMETERS, :PARAMETERS]
-    found = np.linalg.inv(shooting.equations(at, by, 0.0, 1.0).information())
-    assert_allclose(found, covariance, rtol=1e-6, atol=1e-9 * np.abs(covariance).max())
+    inverse = np.linalg.inv(shooting.equations(at, by, 0.0, 1.0).information())
+    assert_allclose(inverse, covariance, rtol=1e-6, atol=1e-9 * np.abs(covariance).max())
 
 
 def test_a_damped_step_is_the_dense_one_with_a_larger_diagonal(problem):
@@ -92,8 +93,9 @@ def test_a_damped_step_is_the_dense_one_with_a_larger_diagonal(problem):
     matrix, right = dense(shooting, by, at, 1.0)
     square = matrix.T @ matrix
     exact = -np.linalg.solve(square + 0.5 * np.diag(np.diag(square)), matrix.T @ right)
-    own, states = shooting.equations(at, by, 0.0, 1.0).step(0.5)
-    assert_allclose(np.concatenate([own, states.ravel()]), exact, rtol=0, atol=1e-8 * np.abs(exact).max())
+    parameter_steps, state_steps = shooting.equations(at, by, 0.0, 1.0).step(0.5)
+    assert_allclose(np.concatenate([parameter_steps, state_steps.ravel()]), exact, rtol=0,
+                    atol=1e-8 * np.abs(exact).max())
 
 
 def test_a_prior_counts_as_one_measurement_more_of_each_coordinate(problem):
@@ -114,17 +116,19 @@ def test_a_parameter_that_is_held_moves_by_the_distance_and_the_rest_follows(pro
     matrix, right = dense(shooting, by, at, 1.0)
     exact = -np.linalg.lstsq(matrix[:, 1:], right - 0.3 * matrix[:, 0], rcond=None)[0]
     equations = shooting.equations(at, by, 0.0, 1.0)
-    own, states = equations.held(np.eye(PARAMETERS)[0], 1e9, 0.3).step()
-    assert own[0] == pytest.approx(-0.3, abs=1e-4)
-    assert_allclose(np.concatenate([own[1:], states.ravel()]), exact, rtol=0, atol=1e-4 * np.abs(exact).max())
-    assert_allclose(equations.states_for(own), shooting.equations(at, by, 0.0, 1.0).states_for(own))
+    parameter_steps, state_steps = equations.held(np.eye(PARAMETERS)[0], 1e9, 0.3).step()
+    assert parameter_steps[0] == pytest.approx(-0.3, abs=1e-4)
+    assert_allclose(np.concatenate([parameter_steps[1:], state_steps.ravel()]), exact, rtol=0,
+                    atol=1e-4 * np.abs(exact).max())
+    assert_allclose(equations.states_for(parameter_steps),
+                    shooting.equations(at, by, 0.0, 1.0).states_for(parameter_steps))
 
 
 def test_the_minimum_of_a_linear_problem_is_found_and_its_derivatives_are_those_of_the_pass(problem):
     shooting, by, at = problem
-    found = shooting.jacobian(at)
+    jacobian = shooting.jacobian(at)
     for name in ("residuals", "residuals_by_state", "ends", "ends_by_state"):
-        assert_allclose(getattr(found, name), getattr(by, name), rtol=0, atol=1e-6, err_msg=name)
+        assert_allclose(getattr(jacobian, name), getattr(by, name), rtol=0, atol=1e-6, err_msg=name)
     matrix, right = dense(shooting, by, at, 1.0)
     least = np.linalg.lstsq(matrix, right, rcond=None)[1][0]
     at = shooting.minimise(at, 0.0, 1.0, 20, 1e-9)
@@ -134,16 +138,16 @@ def test_the_minimum_of_a_linear_problem_is_found_and_its_derivatives_are_those_
 
 def test_the_misfit_of_a_window_has_its_residuals_and_the_defect_at_its_end(problem):
     shooting, _, at = problem
-    found = shooting.by_window(at, 0.0, TIGHT)
+    misfits = shooting.by_window(at, 0.0, TIGHT)
     defects = np.sum((at.defects / (TIGHT * shooting.widths))**2, axis=1)
     for k, part in enumerate(shooting.windows.slices):
         joined = k in (0, 1, 3)  # there is a gap after the third window, and nothing after the last
-        assert found[k] == pytest.approx(np.sum(at.found.residuals[part]**2) + (defects[k] if joined else 0.0))
+        assert misfits[k] == pytest.approx(np.sum(at.found.residuals[part]**2) + (defects[k] if joined else 0.0))
     shooting.left_out[1] = True
     less = shooting.by_window(at, 0.0, TIGHT)
     assert less[1] == 0.0  # and neither defect of the window counts
     assert less[0] == pytest.approx(np.sum(at.found.residuals[shooting.windows.slices[0]]**2))
-    assert_allclose(less[2:], found[2:])
+    assert_allclose(less[2:], misfits[2:])
 
 
 def test_a_loose_misfit_gives_an_outlier_little_weight(problem):
@@ -162,7 +166,7 @@ def test_a_window_is_repaired_from_the_end_of_the_one_before_if_that_fits_better
     """A body in uniform motion; the second window and the last begin elsewhere, the last after a gap."""
     windows = made(GAP[1:])
 
-    def simulated(own, states):
+    def simulated(coordinates, states):
         since = windows.times - windows.spans[windows.window, 0]
         place = states[windows.window, 0] + states[windows.window, 1] * since
         speed = states[windows.window, 1]
@@ -174,12 +178,12 @@ def test_a_window_is_repaired_from_the_end_of_the_one_before_if_that_fits_better
     shooting = Shooting(windows, simulated)
     true = np.column_stack([2.0 * windows.spans[:, 0], np.full(4, 2.0)])
     wrong = true + [[0.0, 0.0], [0.1, 0.0], [10.0, 0.0], [0.0, 0.0]]
-    found = shooting.repaired(shooting.point(np.zeros(1), wrong), 0.01, [])
-    assert_allclose(found.states[[0, 1, 3]], true[[0, 1, 3]], atol=1e-12)
-    assert_allclose(found.states[2], wrong[2])  # the end of the window before the gap is nearer, and no start
-    found = shooting.repaired(found, 0.01, [true + [0.0, 1e-4]])
-    assert_allclose(found.states[2], true[2] + [0.0, 1e-4], atol=1e-12)
-    assert_allclose(found.states[[0, 1, 3]], true[[0, 1, 3]], atol=1e-12)  # what fits better already stays
+    repaired = shooting.repaired(shooting.point(np.zeros(1), wrong), 0.01, [])
+    assert_allclose(repaired.states[[0, 1, 3]], true[[0, 1, 3]], atol=1e-12)
+    assert_allclose(repaired.states[2], wrong[2])  # the end of the window before the gap is nearer, and no start
+    repaired = shooting.repaired(repaired, 0.01, [true + [0.0, 1e-4]])
+    assert_allclose(repaired.states[2], true[2] + [0.0, 1e-4], atol=1e-12)
+    assert_allclose(repaired.states[[0, 1, 3]], true[[0, 1, 3]], atol=1e-12)  # what fits better already stays
 
 
 def test_a_window_that_jumps_is_left_out_and_the_others_are_fitted():
@@ -188,31 +192,31 @@ def test_a_window_that_jumps_is_left_out_and_the_others_are_fitted():
     shooting, by = linear(windows, 1)
     plain = shooting._simulate
 
-    def simulated(own, states):
-        found = plain(own, states)
-        jump = np.where((windows.window == 2) & (abs(own[0]) > 1e-4), 100.0, 0.0)
-        return Pass(found.residuals + jump, found.ends)
+    def simulated(coordinates, states):
+        linear_pass = plain(coordinates, states)
+        jump = np.where((windows.window == 2) & (abs(coordinates[0]) > 1e-4), 100.0, 0.0)
+        return Pass(linear_pass.residuals + jump, linear_pass.ends)
 
     shooting = Shooting(windows, simulated)
     at = shooting.point(np.zeros(1), np.zeros((len(GAP), 2)))
-    before = shooting.misfit(at, 0.0, 1.0)
-    found = shooting.minimise(at, 0.0, 1.0, 10, enough=1e-6)
+    misfit_before = shooting.misfit(at, 0.0, 1.0)
+    minimum = shooting.minimise(at, 0.0, 1.0, 10, enough=1e-6)
     assert shooting.left_out.tolist() == [False, False, True, False, False]
-    assert shooting.misfit(found, 0.0, 1.0) < before
+    assert shooting.misfit(minimum, 0.0, 1.0) < misfit_before
     used = windows.window != 2
     matrix, right = dense(shooting, by, at, 1.0)
     rows = np.append(used, np.repeat([True, False, True], 2))  # the defect before the window does not count either
     left = matrix[rows] @ np.linalg.lstsq(matrix[rows], right[rows], rcond=None)[0] - right[rows]
-    assert shooting.misfit(found, 0.0, 1.0) == pytest.approx(float(left @ left), abs=2e-3)
+    assert shooting.misfit(minimum, 0.0, 1.0) == pytest.approx(float(left @ left), abs=2e-3)
 
 
 def test_where_there_is_no_motion_the_other_side_gives_the_derivative_and_a_step_is_shorter():
     windows = made(GAP[:1])
 
-    def simulated(own, states):
-        if own[0] > 1.0:
+    def simulated(coordinates, states):
+        if coordinates[0] > 1.0:
             return None
-        return Pass(np.where(windows.channel == 0, own[0] - 3.0, states[0, 1]) + 0.0 * states[0, 0],
+        return Pass(np.where(windows.channel == 0, coordinates[0] - 3.0, states[0, 1]) + 0.0 * states[0, 0],
                     np.zeros_like(states))
 
     shooting = Shooting(windows, simulated)
@@ -234,7 +238,8 @@ def robot():
     spans = np.array([[0.0, 0.1], [0.1, 0.2], [0.2, 0.3001]])
     windows = Windows(Recording(0.0, times[-1], channels, (), ()), names, spans)
     unknowns = Unknowns.of(scene, ("ground.friction", "upper.gap", "guide.angle"), {})
-    shooting = Shooting(windows, lambda own, states: windows.simulate(unknowns.scene_of(own), Start({}, {}), states))
+    shooting = Shooting(windows, lambda coordinates, states: windows.simulate(
+        unknowns.scene_of(coordinates), Start({}, {}), states))
     states = windows.course(scene, Start({}, {}))
     return shooting, shooting.point(unknowns.coordinates(scene.parameters), states)
 
@@ -250,11 +255,11 @@ def test_the_true_robot_from_the_true_states_has_neither_residuals_nor_defects(r
 def test_the_derivatives_of_a_robot_that_strikes_are_central_differences(robot):
     """Central differences have an error of second order, those of the Jacobian of first: 1 % of the largest."""
     shooting, at = robot
-    found, step = shooting.jacobian(at), 2e-6
+    jacobian, step = shooting.jacobian(at), 2e-6
     for k in range(len(at.parameters)):
         change = step * np.eye(len(at.parameters))[k]
         up, down = (shooting.point(at.parameters + sign * change, at.states).found for sign in (1.0, -1.0))
-        for name, column in (("residuals", found.residuals[:, k]), ("ends", found.ends[..., k])):
+        for name, column in (("residuals", jacobian.residuals[:, k]), ("ends", jacobian.ends[..., k])):
             central = (getattr(up, name) - getattr(down, name)) / (2.0 * step)
             assert_allclose(column, central, rtol=0, atol=0.01 * np.abs(central).max(), err_msg=f"{name} by {k}")
             assert np.abs(central).max() > 0.0

@@ -19,8 +19,8 @@ def restitution_number(values):
 def test_values_come_back_from_their_coordinates():
     unknowns = Unknowns.of(SCENE, FREE, {})
     coordinates = unknowns.coordinates(SCENE.parameters)
-    found = unknowns.values(coordinates)
-    assert found == pytest.approx({name: SCENE[name] for name in FREE}, rel=1e-12)
+    values = unknowns.values(coordinates)
+    assert values == pytest.approx({name: SCENE[name] for name in FREE}, rel=1e-12)
     assert unknowns.scene_of(coordinates)["mass.body"] == pytest.approx(SCENE["mass.body"], rel=1e-12)
     assert unknowns.names == FREE
 

@@ -44,19 +44,19 @@ def test_a_local_cubic_tells_position_and_speed_of_a_smooth_motion(reach):
     position, speed = body(TIMES)
     made = recording(channel("body_position", position, 5e-5), channel("body_velocity", speed, 1e-3))
     otherwise = np.full((3, 4), 7.0)
-    found = local_states(made, NAMES, STARTS, reach, otherwise)
+    states = local_states(made, NAMES, STARTS, reach, otherwise)
     exact = np.column_stack(body(STARTS))
-    assert_allclose(found[:, 0], exact[:, 0], rtol=0, atol=3.4e-6)
-    assert_allclose(found[:, 1], exact[:, 1], rtol=0, atol=1.4e-3)
-    assert (found[:, 2:] == 7.0).all()  # what is not measured is as given
+    assert_allclose(states[:, 0], exact[:, 0], rtol=0, atol=3.4e-6)
+    assert_allclose(states[:, 1], exact[:, 1], rtol=0, atol=1.4e-3)
+    assert (states[:, 2:] == 7.0).all()  # what is not measured is as given
     assert (otherwise == 7.0).all()
 
 
 def test_a_position_alone_tells_the_speed_as_well_and_a_speed_alone_tells_nothing():
     position, speed = body(TIMES)
-    found = local_states(recording(channel("body_position", position, 5e-5)), NAMES, STARTS, REACHES[0],
-                         np.zeros((3, 4)))
-    assert_allclose(found[:, 1], body(STARTS)[1], rtol=0, atol=1e-3)
+    states = local_states(recording(channel("body_position", position, 5e-5)), NAMES, STARTS, REACHES[0],
+                          np.zeros((3, 4)))
+    assert_allclose(states[:, 1], body(STARTS)[1], rtol=0, atol=1e-3)
     made = recording(channel("body_velocity", speed, 1e-3))
     assert (local_states(made, NAMES, STARTS, REACHES[0], np.zeros((3, 4))) == 0.0).all()
     assert unmeasured(made, NAMES) == list(NAMES)
@@ -64,10 +64,10 @@ def test_a_position_alone_tells_the_speed_as_well_and_a_speed_alone_tells_nothin
 
 def test_where_too_few_samples_are_near_the_state_is_as_given():
     position, _ = body(TIMES)
-    found = local_states(recording(channel("body_position", position, 5e-5)), NAMES, np.array([5.0, 1.0]), REACHES[0],
-                         np.full((2, 4), 7.0))
-    assert found[0].tolist() == [7.0] * 4
-    assert found[1, 0] == pytest.approx(body(1.0)[0], abs=3.4e-6)
+    states = local_states(recording(channel("body_position", position, 5e-5)), NAMES, np.array([5.0, 1.0]), REACHES[0],
+                          np.full((2, 4), 7.0))
+    assert states[0].tolist() == [7.0] * 4
+    assert states[1, 0] == pytest.approx(body(1.0)[0], abs=3.4e-6)
 
 
 def test_positions_that_are_ten_milliseconds_apart_tell_a_state_where_two_of_them_are_near():
@@ -77,12 +77,12 @@ def test_positions_that_are_ten_milliseconds_apart_tell_a_state_where_two_of_the
     made, names = recording(channel("body_position", body(times)[0], 5e-5, times=times)), NAMES[:2]
     starts = np.array([0.0, 0.3001, 1.2345])
     for reach in REACHES:
-        found = local_states(made, names, starts, reach, np.full((3, 2), 7.0))
-        measured_there = found[:, 0] != 7.0
+        states = local_states(made, names, starts, reach, np.full((3, 2), 7.0))
+        measured_there = states[:, 0] != 7.0
         assert measured_there[1:].all() and (measured_there[0] or reach == REACHES[-1])
         exact = np.column_stack(body(starts[measured_there]))
-        assert_allclose(found[measured_there, 0], exact[:, 0], rtol=0, atol=2.8e-4)
-        assert_allclose(found[measured_there, 1], exact[:, 1], rtol=0, atol=0.055)
+        assert_allclose(states[measured_there, 0], exact[:, 0], rtol=0, atol=2.8e-4)
+        assert_allclose(states[measured_there, 1], exact[:, 1], rtol=0, atol=0.055)
 
 
 def test_of_two_channels_the_less_noisy_is_taken():
@@ -111,13 +111,13 @@ def test_roughness_is_large_only_within_four_milliseconds_of_a_blow():
 def test_arcs_start_where_it_is_calm_and_never_overlap():
     rough = roughness(TIMES, [blows(TIMES)])
     stretch = Stretch(TIMES, TIMES, rough, False)
-    found = arcs([stretch], 0.013, 30)
-    assert 20 <= len(found) <= 30
-    assert_allclose(np.diff(found, axis=1), 0.013)
-    assert (found[1:, 0] >= found[:-1, 1]).all()
-    assert found[0, 0] > 0.0 and found[-1, 1] <= TIMES[-1]
-    assert (rough[np.searchsorted(TIMES, found[:, 0])] < 0.01).all()
-    assert found[-1, 0] - found[0, 0] > 1.7  # they are spread over the recording
+    spans = arcs([stretch], 0.013, 30)
+    assert 20 <= len(spans) <= 30
+    assert_allclose(np.diff(spans, axis=1), 0.013)
+    assert (spans[1:, 0] >= spans[:-1, 1]).all()
+    assert spans[0, 0] > 0.0 and spans[-1, 1] <= TIMES[-1]
+    assert (rough[np.searchsorted(TIMES, spans[:, 0])] < 0.01).all()
+    assert spans[-1, 0] - spans[0, 0] > 1.7  # they are spread over the recording
     assert arcs([stretch], 3.0, 30).shape == (0, 2)  # a recording that is shorter than one
     later = arcs([stretch, stretch._replace(times=TIMES + 60.0)], 0.013, 30)  # after a pause
     assert 20 <= len(later) <= 30 and 10 <= (later[:, 0] > 60.0).sum() <= 15
@@ -128,14 +128,14 @@ def test_arcs_start_where_it_is_calm_and_never_overlap():
 @pytest.mark.parametrize("rests", [True, False])
 def test_a_chain_is_joined_covers_the_recording_and_starts_where_it_is_calm(turns, rests):
     rough = roughness(TIMES, [blows(TIMES)])
-    found = chain([Stretch(TIMES, 100.0 * TIMES, rough, rests)], turns)
-    assert (found[1:, 0] == found[:-1, 1]).all()
-    assert (found[:, 1] > found[:, 0]).all()
-    assert found[0, 0] == 0.0 if rests else 0.0 <= found[0, 0] < 0.5 * turns * TURN / 100.0
-    assert found[-1, 1] > TIMES[-1] > found[-1, 0]  # the last sample is in the last window
-    length = np.diff(found[:-1], axis=1) * 100.0 / (TURN * turns)
+    spans = chain([Stretch(TIMES, 100.0 * TIMES, rough, rests)], turns)
+    assert (spans[1:, 0] == spans[:-1, 1]).all()
+    assert (spans[:, 1] > spans[:, 0]).all()
+    assert spans[0, 0] == 0.0 if rests else 0.0 <= spans[0, 0] < 0.5 * turns * TURN / 100.0
+    assert spans[-1, 1] > TIMES[-1] > spans[-1, 0]  # the last sample is in the last window
+    length = np.diff(spans[:-1], axis=1) * 100.0 / (TURN * turns)
     assert (length > 0.69).all() and (length < 1.31).all()
-    assert (rough[np.searchsorted(TIMES, found[1:, 0])] < 0.01).all()
+    assert (rough[np.searchsorted(TIMES, spans[1:, 0])] < 0.01).all()
 
 
 def test_merged_windows_cover_the_same_and_none_reaches_across_a_pause():
@@ -150,9 +150,9 @@ def test_merged_windows_cover_the_same_and_none_reaches_across_a_pause():
 def test_no_window_starts_while_the_crank_rests():
     angle = 100.0 * np.where(TIMES < 0.5, TIMES, np.where(TIMES < 1.5, 0.5, TIMES - 1.0))
     stretch = Stretch(TIMES, angle, np.zeros(len(TIMES)), True)
-    found = chain([stretch], 1.0)
-    assert (found[1:, 0] == found[:-1, 1]).all()
-    assert not ((found[:, 0] > 0.501) & (found[:, 0] < 1.5)).any()
+    spans = chain([stretch], 1.0)
+    assert (spans[1:, 0] == spans[:-1, 1]).all()
+    assert not ((spans[:, 0] > 0.501) & (spans[:, 0] < 1.5)).any()
     assert len(chain([stretch._replace(angle=np.zeros(len(TIMES)))], 1.0)) == 1
 
 

@@ -65,9 +65,9 @@ class ImpactOscillator:
         gap, speed = self.blow(phase)
         position, velocity, acceleration = self.steady(phase)
         state = np.array([gap + self.rod - position, 0.0])
-        before, after = (acceleration + self.matrix[1] @ (state + [0.0, moving - velocity])
-                         for moving in (speed, -self.restitution * speed))
-        slope = (after + self.restitution * before) / speed
+        acceleration_before, acceleration_after = (acceleration + self.matrix[1] @ (state + [0.0, moving - velocity])
+                                                   for moving in (speed, -self.restitution * speed))
+        slope = (acceleration_after + self.restitution * acceleration_before) / speed
         jump = np.array([[-self.restitution, 0.0], [slope, -self.restitution]])
         return np.linalg.eigvals(self.turn @ jump)
 

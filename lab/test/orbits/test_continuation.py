@@ -77,14 +77,14 @@ def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction,
     (_, start), (_, last) = forwards[0], forwards[-1]
     backwards = followed(last.family, last.unknowns, -float(np.sign(last.tangent[-1])))
     _ = next(backwards)
-    before, after = next((before, after) for before, after in backwards
-                         if (after.value - start.value) * (before.value - start.value) < 0.0 and
-                         np.linalg.norm(after.unknowns - start.unknowns) < 1.0)
-    part = (start.value - before.value) / (after.value - before.value)
-    guess = before.unknowns + part * (after.unknowns - before.unknowns)
+    earlier, later = next((earlier, later) for earlier, later in backwards
+                          if (later.value - start.value) * (earlier.value - start.value) < 0.0 and
+                          np.linalg.norm(later.unknowns - start.unknowns) < 1.0)
+    part = (start.value - earlier.value) / (later.value - earlier.value)
+    guess = earlier.unknowns + part * (later.unknowns - earlier.unknowns)
     across = np.eye(len(start.unknowns))[-1]
-    unknowns, _ = corrected_orbit(before.family, guess, across)
-    _, (there,) = before.family.recut(start.family.phase, [unknowns])
+    unknowns, _ = corrected_orbit(earlier.family, guess, across)
+    _, (there,) = earlier.family.recut(start.family.phase, [unknowns])
     assert there == pytest.approx(start.unknowns, abs=1e-9)
 
 
@@ -92,14 +92,14 @@ def test_a_compliant_plate_is_grazed_and_passed():
     """`damped` from 100 rad/s: a fold at 107.96, back to where a blow vanishes, and on with one blow less."""
     scene = vibro_ros.load_scene("damped")
     kinds, passed = [], False
-    for before, after in branch(scene, "motor.speed", 60.0, 130.0, 1.0):
-        kinds += [(special.kind, special.point.value) for special in special_points(before, after)]
-        passed = passed or (kinds and kinds[-1][0] == GRAZING and after.value > 110.0)
+    for earlier, later in branch(scene, "motor.speed", 60.0, 130.0, 1.0):
+        kinds += [(special.kind, special.point.value) for special in special_points(earlier, later)]
+        passed = passed or (kinds and kinds[-1][0] == GRAZING and later.value > 110.0)
     assert [kind for kind, _ in kinds] == [FOLD, FOLD, GRAZING, CORNER]
     assert kinds[0][1] == pytest.approx(107.9599109, abs=1e-6)
     assert kinds[2][1] == pytest.approx(104.8526521, abs=1e-6) and passed
-    settled = vibro_lab.find_orbit(scene.with_parameters({"motor.speed": after.value}))  # which a long run comes to
-    assert after.stable and after.mean_speed == pytest.approx(settled.mean_speed, abs=1e-9)
+    settled = vibro_lab.find_orbit(scene.with_parameters({"motor.speed": later.value}))  # which a long run comes to
+    assert later.stable and later.mean_speed == pytest.approx(settled.mean_speed, abs=1e-9)
 
 
 def test_a_rigid_plate_is_grazed_and_passed():
@@ -107,25 +107,25 @@ def test_a_rigid_plate_is_grazed_and_passed():
     unstable at once.
     """
     scene = oscillator(170.0, 0.8, 0.005)
-    for before, after in branch(scene, "upper.gap", LOW, HIGH, -1.0):
-        if specials := list(special_points(before, after)):
+    for earlier, later in branch(scene, "upper.gap", LOW, HIGH, -1.0):
+        if specials := list(special_points(earlier, later)):
             break
     (grazing,) = specials
     assert grazing.kind == GRAZING and grazing.change == "upper_contact appears"
-    assert grazing.point.passage.miss < 1e-9 and before.passage.contacts == (("upper_contact", 1),)
-    assert after.passage.contacts == (("upper_contact", 2),)
-    assert not after.stable and np.abs(after.multipliers[0]) > 10.0 * np.abs(grazing.point.multipliers[0])
+    assert grazing.point.passage.miss < 1e-9 and earlier.passage.contacts == (("upper_contact", 1),)
+    assert later.passage.contacts == (("upper_contact", 2),)
+    assert not later.stable and np.abs(later.multipliers[0]) > 10.0 * np.abs(grazing.point.multipliers[0])
 
 
 def test_a_landing_that_no_longer_stops_the_body_is_a_corner():
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.19})
-    for before, after in branch(scene, "motor.speed", 60.0, 65.0, 1.0):
-        if specials := list(special_points(before, after)):
+    for earlier, later in branch(scene, "motor.speed", 60.0, 65.0, 1.0):
+        if specials := list(special_points(earlier, later)):
             break
     assert [special.kind for special in specials] == [CORNER]
     assert specials[0].change == "landing_stops vanishes, landing_slips_backward appears"
     assert specials[0].point.value == pytest.approx(62.208519643, abs=1e-8) and specials[0].width < 1e-8
-    assert np.abs(before.multipliers[0]) < 2.01 and np.abs(after.multipliers[0]) > 2.3
+    assert np.abs(earlier.multipliers[0]) < 2.01 and np.abs(later.multipliers[0]) > 2.3
 
 
 def test_a_machine_has_a_neimark_sacker_point_beyond_which_a_circle_appears():

@@ -57,7 +57,7 @@ def test_the_scene_and_the_numbers_are_written_and_can_be_loaded(tmp_path, capsy
     """`identify` is replaced: what is given to it and what becomes of its result is the command's part."""
     given = {}
 
-    def found(bag, scene, free, ranges, noise, effects, workers, offsets, camera, say):
+    def replacement(bag, scene, free, ranges, noise, effects, workers, offsets, camera, say):
         given.update(bag=bag, scene=scene, free=free, ranges=ranges, noise=noise, effects=effects, offsets=offsets,
                      camera=camera)
         return SimpleNamespace(
@@ -70,8 +70,8 @@ def test_the_scene_and_the_numbers_are_written_and_can_be_loaded(tmp_path, capsy
             recording=SimpleNamespace(channels=()), words=lambda: ["words of the result"],
             scene=scene.with_parameters({"ground.friction": 0.21}))
 
-    monkeypatch.setattr(study, "identify", found)
-    monkeypatch.setattr(study, "identification_page", lambda found, name: f"<p>{name}: {found.verdict}")
+    monkeypatch.setattr(study, "identify", replacement)
+    monkeypatch.setattr(study, "identification_page", lambda identified, name: f"<p>{name}: {identified.verdict}")
     assert study.main(["bag", "--scene", "damped", "--set", "mass.body=1.1", "--output", str(tmp_path), "--free",
                        "ground.friction, upper.gap", "--range", "ground.friction=0.1:0.4", "--noise", "odom=inf",
                        "--noise", "encoder=1e-3", "--effects", "stribeck,slope", "--offset", "odom=0.003",

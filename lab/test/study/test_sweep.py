@@ -33,7 +33,7 @@ def small_blocks(monkeypatch):
 
 def interrupted(words, folder, number):
     """Run `main` in a forked process that gets a signal after its first block; return how it ended."""
-    before = len(list(folder.glob("block_*")))
+    blocks_before = len(list(folder.glob("block_*")))
     child = os.fork()
     if child == 0:
         try:
@@ -46,7 +46,7 @@ def interrupted(words, folder, number):
         finally:
             os._exit(99)
     deadline = time.monotonic() + 60.0
-    while len(list(folder.glob("block_*"))) == before and time.monotonic() < deadline:
+    while len(list(folder.glob("block_*"))) == blocks_before and time.monotonic() < deadline:
         time.sleep(0.002)
     os.kill(child, number)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])

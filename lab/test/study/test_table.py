@@ -170,7 +170,7 @@ def test_each_study_computes_a_damaged_block_again_to_the_same_bytes(name, bytes
     file, main, words = STUDIES[name]
     words = [*words.split(), "--output", str(tmp_path)]
     assert main(words) == 0
-    before = bytes_of(tmp_path)
-    (tmp_path / file).write_bytes(before[file][:-100])
-    assert main(words) == 0 and bytes_of(tmp_path) == before
+    content_before = bytes_of(tmp_path)
+    (tmp_path / file).write_bytes(content_before[file][:-100])
+    assert main(words) == 0 and bytes_of(tmp_path) == content_before
     assert f"study: {tmp_path / file}: is damaged; it is computed again" in capsys.readouterr().err.splitlines()
