@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-OFFLINE = {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": ""}
+#: No network, and no options of the make that runs the tests.
+APART = {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": "", "MAKEFLAGS": ""}
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def checkout(tmp_path) -> Path:
 def make(checkout: Path, python: str) -> subprocess.CompletedProcess:
     """Make the environment's packages with an interpreter that the user names, without a network."""
     return subprocess.run(["make", ".venv/packages.done", f"PYTHON={python}"], cwd=checkout, text=True,
-                          env={**os.environ, **OFFLINE}, capture_output=True)
+                          env={**os.environ, **APART}, capture_output=True)
 
 
 def says(checkout: Path) -> str:
