@@ -41,8 +41,8 @@ def documented_topics() -> dict[str, tuple[str, str]]:
 
 
 def names_by_node(names_and_kinds) -> dict[str, str]:
-    told = {name.lstrip("/"): kind for name, [kind] in names_and_kinds}
-    return {name: kind for name, kind in told.items()
+    type_of = {name.lstrip("/"): kind for name, [kind] in names_and_kinds}
+    return {name: kind for name, kind in type_of.items()
             if name.removeprefix(f"{NODE}/") not in OF_RCLPY | SERVICES_OF_RCLPY and OF_ACTIONS not in name}
 
 

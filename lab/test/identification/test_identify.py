@@ -155,6 +155,31 @@ def test_a_laboratory_recording_tells_all_thirteen_from_the_defaults(tmp_path):
     assert identified.verdict.startswith("the model fits")
 
 
+@pytest.mark.process
+def test_outliers_do_not_make_a_late_camera_an_early_one(tmp_path):
+    """The mean over the windows of the scan said -20 ms: one outlier among a window's few samples spoils its start."""
+    record = laboratory()
+    from laboratory import Faults
+    made = record(tmp_path / "bag", "device", seed=2, faults=Faults(
+        rate=100.0, positions_only=True, jitter=3e-4, late={"tracking": 0.003}, outliers=0.02, lost=0.1, stated=0.33,
+        begins_in_motion=0.7))
+
+    class ScannedError(Exception):
+        pass
+
+    said = list[str]()
+
+    def until_scanned(sentence):
+        said.append(sentence)
+        if "half turns" in sentence:
+            raise ScannedError
+
+    with pytest.raises(ScannedError):
+        identify(made.bag, made.scene, THIRTEEN, say=until_scanned)
+    (late,) = [float(sentence.split()[-2]) for sentence in said if sentence.startswith("the stamps of tracking")]
+    assert late == pytest.approx(3.0, abs=4.0), said  # ms; the scan has steps of 2 ms, and the fit goes on from there
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("robot", "seed", "begins_in_motion"), [
     ("device", 1, 0.0), ("device", 1, 0.7), ("moving", 1, 0.0)])

@@ -98,7 +98,7 @@ def test_size_of_noise_and_jitter_are_told_apart_by_the_rate(size, jitter):
 
 
 def test_a_size_that_jitter_hides_is_not_found_to_be_nothing():
-    """Jitter makes 30 times the noise. In two of twenty such draws least squares end at 0, from which no later step
+    """Jitter makes 30 times the noise. In three of twenty such draws least squares end at 0, from which no later step
     would lead away, and all lateness would be one channel's: then the size is what its deviation does not exclude."""
     rates = 1e5 * np.sin(0.02 * np.arange(300))
     for seed in range(20):
