@@ -148,6 +148,13 @@ def test_a_signal_that_a_finaliser_swallowed_before_is_a_request(start):
     assert (code, said) == (7, "ready\nasked\n") and "Exception ignored" in ignored
 
 
+def test_a_signal_while_the_context_is_entered_is_a_request(start):
+    process = planted_executable(start, "take = entry_point._on_stop_signals", "entry_point._on_stop_signals = lambda "
+                                 "receive: (take(receive), signal.raise_signal(signal.SIGTERM))", *(
+        line.format(held="pass", condition="not stop", rest=0.0) for line in REQUEST))
+    assert said_after(process, PROMPT) == (7, "asked\n", "")
+
+
 def test_a_second_signal_ends_a_start_that_does_not_poll(start):
     process = requested(start, condition="True")
     process.send_signal(signal.SIGINT)

@@ -148,8 +148,8 @@ class StopRequest:
 
     def __enter__(self) -> "StopRequest":
         self._earlier_handlers = {number: signal.getsignal(number) for number in STOP_SIGNALS}
-        _on_stop_signals(self._receive)
         self.signal = _process.signal  # of a signal before, whose KeyboardInterrupt a finaliser has swallowed
+        _on_stop_signals(self._receive)  # last: a signal may come at once
         return self
 
     def __exit__(self, *_: object) -> None:
