@@ -12,7 +12,7 @@ from asking import answer_of, set_parameter
 from observation import stop
 from std_srvs.srv import SetBool
 
-from vibro_ros.ros.robot.pacing import ALLOW, NICENESS, POLICY, PRIORITY
+from vibro_ros.ros.robot.pacing import NICENESS, POLICY, PRIORITY, PRIORITY_REMEDY
 
 BUSY, CROWDED = 15, 10.0  # busy processes, and the time [s] beside them
 STARTED = os.getpriority(os.PRIO_PROCESS, 0)  # niceness of the tests; a robot takes no priority if it is not 0
@@ -63,7 +63,7 @@ def test_a_robot_without_the_priority_says_at_its_first_stall_how_to_allow_it(st
     robot.send(signal.SIGSTOP)
     time.sleep(0.5)  # the stall itself
     robot.send(signal.SIGCONT)
-    remedy = f"run in time; {'' if STARTED else ALLOW}leave it a core, or raise rate.max_catch_up"
+    remedy = f"run in time; {'' if STARTED else PRIORITY_REMEDY}leave it a core, or raise rate.max_catch_up"
     assert remedy in robot.wait_for("stalled: ")
     stop(robot)
 

@@ -23,7 +23,7 @@ from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.recover import recover
-from vibro_ros.ros.robot.recording import Plan, Recording, offer_recovery, plan_recording
+from vibro_ros.ros.robot.recording import Plan, Recording, handle_unsealed_bags, plan_recording
 from vibro_ros.ros.robot.run import RobotPublishers
 
 DESCRIPTION = "/robot_description"
@@ -93,20 +93,20 @@ def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tm
     writer = BagWriter(folder, defined(topics), {}, Storage())
     writer.write(topics[0].name, 1, bytes(100))
     writer.flush()
-    offer_recovery(tmp_path, True, bench.node.get_logger())
+    handle_unsealed_bags(tmp_path, True, bench.node.get_logger())
     assert not (folder / "metadata.yaml").exists()  # it is in use
     writer.abandon()
-    offer_recovery(tmp_path, False, bench.node.get_logger())
+    handle_unsealed_bags(tmp_path, False, bench.node.get_logger())
     assert not (folder / "metadata.yaml").exists()
     said = []
     log = SimpleNamespace(warning=said.append, error=said.append)
     with locked(folder), monkeypatch.context() as patch:  # another robot that starts at once seals it
         patch.setattr("vibro_ros.ros.robot.recording.unsealed_bags", lambda *_: [folder])
-        offer_recovery(tmp_path, True, log)
+        handle_unsealed_bags(tmp_path, True, log)
     assert said == []
-    offer_recovery(tmp_path, False, log)
+    handle_unsealed_bags(tmp_path, False, log)
     assert said[0].startswith(f"{folder}: not sealed, its robot was killed; seal it with `recover")
-    offer_recovery(tmp_path, True, bench.node.get_logger())
+    handle_unsealed_bags(tmp_path, True, bench.node.get_logger())
     assert stamps_of(folder, topics[0].name) == [1]
 
 

@@ -63,7 +63,7 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
             run.reset()
         bench.spin_until(waiting.done, "the answer of the steps")
     assert str(waiting.exception()) == ENDED and str(run.error) == "no start"
-    for ask in (run.reset, lambda: run.begin_steps(1), run.look):
+    for ask in (run.reset, lambda: run.begin_steps(1), run.stamped_state):
         with pytest.raises(RuntimeError, match=ENDED):
             ask()
 
