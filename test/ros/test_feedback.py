@@ -8,7 +8,7 @@ import pytest
 from goal_trial import Samples, Trial
 
 import vibro_ros
-from vibro_ros.ros.controller.feedback import MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
+from vibro_ros.ros.controller.feedback import DEFAULT_MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
 
 RAMP = {"effects.motor": "ramp", "motor.speed": 0.0}  # as the shipped device has it
 TURNS = [(0.0, 0.0), (40.0, 0.7), (75.0, 1.3), (110.0, 2.1)]  # motor speeds [rad/s] and times [s] before the goal
@@ -28,12 +28,12 @@ def pursue(scene: vibro_ros.Scene, goal: Goal, duration: float, reach: float = -
     return trial
 
 
-def hold(speed: float, within: float = 0.005, motor: tuple[float, float] = MOTOR_RANGE) -> SpeedGoal:
+def hold(speed: float, within: float = 0.005, motor: tuple[float, float] = DEFAULT_MOTOR_RANGE) -> SpeedGoal:
     return SpeedGoal(speed, within, motor)
 
 
 def go_to(position: float, within: float = 0.005) -> PositionGoal:
-    return PositionGoal(position, within, MOTOR_RANGE)
+    return PositionGoal(position, within, DEFAULT_MOTOR_RANGE)
 
 
 @pytest.mark.parametrize(("name", "speed", "turn"), [
