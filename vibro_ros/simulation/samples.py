@@ -22,39 +22,66 @@ Quantity = TypeVar("Quantity", float, np.ndarray)
 class Samples(Generic[Quantity]):
     """The device at one instant (floats) or at n instants (arrays, shape (n,)). SI units, REP-103 signs.
 
-    All fields of a mass that the scene does not have are zero, and so are those of its plate.
+    Attributes
+    ----------
+    time : float or ndarray
+        Instant [s].
+    body_position, body_velocity : float or ndarray
+        x [m] and x' [m/s].
+    body_height, body_vertical_velocity : float or ndarray
+        Height above the ground [m] and its rate [m/s]; zero except by the rule `hop`.
+    upper_position, upper_velocity, inclined_position, inclined_velocity : float or ndarray
+        Positions of the masses along their guides from the crank's centre, outwards positive [m], and rates [m/s].
+        Zero for a mass that the scene does not have, as are its forces and its plate below.
+    crank_angle, motor_speed : float or ndarray
+        theta [rad], which grows beyond 2 pi with every turn, and its rate [rad/s].
+    motor_power, motor_torque : float or ndarray
+        Work rate [W] of the sliders on the springs, positive when it drives the robot, and the torque
+        on the crank [N m] that does it.
+    normal_force, friction_force : float or ndarray
+        N [N], and F_fr [N] with the paper's sign: positive opposes forward motion. The force on the body is -F_fr.
+    upper_drive_force, inclined_drive_force : float or ndarray
+        Force on the mass by its drive spring and damper [N], outwards positive.
+    upper_plate_force, inclined_plate_force : float or ndarray
+        Contact force [N], compression positive.
+    upper_plate_position, upper_plate_velocity, inclined_plate_position, inclined_plate_velocity : float or ndarray
+        Plates along their guides [m] and rates [m/s].
+    motor_voltage, motor_current : float or ndarray
+        Voltage [V] and current [A] of a dc motor; zero for another motor, as is `electrical_power`.
+    electrical_power : float or ndarray
+        Power from the supply, V i [W].
     """
 
-    time: Quantity  # instant [s]
-    body_position: Quantity  # x [m]
-    body_velocity: Quantity  # x' [m/s]
-    body_height: Quantity  # height above the ground [m]; zero except by the rule `hop`
-    body_vertical_velocity: Quantity  # rate of the height [m/s]
-    upper_position: Quantity  # position of the mass along its guide from the crank's centre [m], outwards positive
-    upper_velocity: Quantity  # rate of that position [m/s]
+    time: Quantity
+    body_position: Quantity
+    body_velocity: Quantity
+    body_height: Quantity
+    body_vertical_velocity: Quantity
+    upper_position: Quantity
+    upper_velocity: Quantity
     inclined_position: Quantity
     inclined_velocity: Quantity
-    crank_angle: Quantity  # theta [rad], which grows beyond 2 pi with every turn
-    motor_speed: Quantity  # theta' [rad/s]: the true speed, not the commanded one
-    motor_power: Quantity  # work rate of the sliders on the springs [W], positive when it drives the robot
-    motor_torque: Quantity  # torque on the crank that does this work [N m]
-    normal_force: Quantity  # N [N]
-    friction_force: Quantity  # F_fr [N] with the paper's sign: positive opposes forward motion; -F_fr acts on the body
-    upper_drive_force: Quantity  # force on the mass by its drive spring and damper [N], outwards positive
+    crank_angle: Quantity
+    motor_speed: Quantity
+    motor_power: Quantity
+    motor_torque: Quantity
+    normal_force: Quantity
+    friction_force: Quantity
+    upper_drive_force: Quantity
     inclined_drive_force: Quantity
-    upper_plate_force: Quantity  # contact force [N], compression positive
+    upper_plate_force: Quantity
     inclined_plate_force: Quantity
-    upper_plate_position: Quantity  # position of the plate along its guide [m]
-    upper_plate_velocity: Quantity  # rate of that position [m/s]
+    upper_plate_position: Quantity
+    upper_plate_velocity: Quantity
     inclined_plate_position: Quantity
     inclined_plate_velocity: Quantity
-    motor_voltage: Quantity  # voltage of a dc motor [V]; this and the next two fields are zero for another motor
-    motor_current: Quantity  # current of a dc motor [A]
-    electrical_power: Quantity  # power from the supply, V i [W]
+    motor_voltage: Quantity
+    motor_current: Quantity
+    electrical_power: Quantity
 
     @property
     def crank_speed(self) -> Quantity:
-        """`motor_speed` [rad/s], under the name that the paper's theta' has."""
+        """theta' [rad/s]: `motor_speed`, which is the true speed, not the commanded one."""
         return self.motor_speed
 
 
@@ -68,9 +95,13 @@ TIME, NORMAL_FORCE, CRANK_ANGLE, MOTOR_SPEED = (
 class Run(Samples[np.ndarray]):
     """Samples of a whole simulation, with its events and statistics.
 
-    `events` is a structured array, shape (events,), by time: `time` [s]; `kind`; and for the contacts `upper_contact`
-    and `inclined_contact`, whose time is their first instant, approach `speed` [m/s], `peak_force` [N] and `duration`
-    [s]. `statistics` are those of `Simulator.statistics`, and the `wall_time` [s] of the simulation.
+    Attributes
+    ----------
+    events : structured ndarray, shape (events,)
+        By time: `time` [s]; `kind`; and for the contacts `upper_contact` and `inclined_contact`, whose time is
+        their first instant, approach `speed` [m/s], `peak_force` [N] and `duration` [s].
+    statistics : dict
+        Events by kind, `steps` (segments of the event loop), `wall_time` [s].
     """
 
     events: np.ndarray
