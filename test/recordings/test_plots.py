@@ -7,7 +7,7 @@ import pytest
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.recordings import report
-from vibro_ros.recordings.report import MOMENT, plot_run
+from vibro_ros.recordings.report import CLOSE_UP, plot_run
 
 ROWS = ["body displacement [mm]", "upper mass [mm]", "inclined mass [mm]", "peak force [N]", "ground force N [N]",
         "motor [rad/s]", "motor power [W]"]
@@ -48,7 +48,7 @@ def test_every_axis_has_its_unit_and_both_columns_share_time(shown):
         assert len({axes[column].get_xlim() for axes in shown.values()}) == 1
     left, right = shown[ROWS[0]]
     assert left.get_xlim() == (0.0, pytest.approx(4.0))
-    assert np.ptp(right.get_xlim()) == pytest.approx(MOMENT)
+    assert np.ptp(right.get_xlim()) == pytest.approx(CLOSE_UP)
 
 
 def test_body_moves_in_millimetres_from_its_first_sample(shown, bag):
