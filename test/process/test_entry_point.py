@@ -89,6 +89,14 @@ def test_a_signal_during_imports_ends_it_with_one_line(start, name, number, code
     assert said_after(process, PROMPT) == (code, "", f"{name}: stopped while starting\n")
 
 
+def test_a_signal_while_a_live_view_imports_ros_ends_it_with_one_line(start):
+    """pybind11 makes an ImportError of a KeyboardInterrupt in the import of rclpy."""
+    process = start(*module("view"), "--port", "0")
+    wait_until(lambda: "_rclpy_pybind11" in Path(f"/proc/{process.pid}/maps").read_text(), "rclpy's library")
+    process.send_signal(signal.SIGINT)
+    assert said_after(process, PROMPT) == (0, "", "view: stopped while starting\n")
+
+
 DOOR = """
 import signal, sys, threading, time
 from types import ModuleType
@@ -146,6 +154,13 @@ def test_a_signal_that_a_finaliser_swallowed_before_is_a_request(start):
     process.send_signal(signal.SIGINT)
     code, said, ignored = said_after(process, PROMPT)
     assert (code, said) == (7, "ready\nasked\n") and "Exception ignored" in ignored
+
+
+def test_a_signal_while_the_context_is_entered_is_a_request(start):
+    process = planted_executable(start, "take = entry_point._on_stop_signals", "entry_point._on_stop_signals = lambda "
+                                 "receive: (take(receive), signal.raise_signal(signal.SIGTERM))", *(
+        line.format(held="pass", condition="not stop", rest=0.0) for line in REQUEST))
+    assert said_after(process, PROMPT) == (7, "asked\n", "")
 
 
 def test_a_second_signal_ends_a_start_that_does_not_poll(start):
