@@ -94,7 +94,7 @@ def test_a_mean_over_turns_does_not_swing_with_the_crank():
     np.testing.assert_allclose(mean, 1.0, atol=1e-4)
 
 
-def test_every_blow_has_its_peak_force(shown, bag):
+def test_every_impact_is_drawn_at_its_peak_force(shown, bag):
     drawn = lines(shown["peak force [N]"][0])
     for guide, count in (("upper", 60), ("inclined", 30)):
         time, force = drawn[f"{guide} impacts"].get_data()
@@ -124,7 +124,7 @@ def test_a_refused_command_does_not_flatten_the_motor(bag, value):
     ({"without": ("motor_power",)}, ROWS[:-1]), ({"without": ("impacts",)}, [*ROWS[:3], *ROWS[4:]]),
     ({"joints": ["crank", "inclined_mass", "inclined_plate"]}, [ROWS[0], *ROWS[2:]]),
     ({"joints": ["crank"]}, [ROWS[0], *ROWS[3:]])], ids=str)
-def test_what_a_recording_lacks_is_left_out(known_run, options, rows):
+def test_panels_without_data_are_left_out(known_run, options, rows):
     figure = plot_run(read_bag(known_run(**options)))
     figure.canvas.draw()
     assert list(panels(figure)) == rows

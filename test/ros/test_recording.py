@@ -41,7 +41,7 @@ def topics_of_a_robot(bench) -> dict[str, str]:
     return RobotPublishers(bench.node, vibro_ros.Scene()).topics | {name: f"/{name}" for name in COMMAND_UNITS}
 
 
-def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_begins_with_the_urdf(
+def test_recording_is_sealed_and_begun_on_request_and_every_file_begins_with_the_urdf(
         start, listener, record, tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.max_duration:=0.2", "-p", "motor.speed:=60.0")
     listener.spin_for_samples(100)
@@ -83,12 +83,12 @@ def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_be
     ({"record.topics": ()}, "record.topics: [] names no topic; give [all], some of odom, joint_states"),
     ({"record.max_size": 5.0}, "record.max_size: 5 is too small; give 0 for no limit, or at least 100000 bytes"),
 ], ids=["topic", "no topic", "size"])
-def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
+def test_impossible_recordings_are_refused(bench, wrong, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
         plan_recording(SETTINGS | wrong, topics_of_a_robot(bench), {})
 
 
-def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tmp_path, monkeypatch):
+def test_unsealed_bags_are_sealed_on_request(bench, topics, tmp_path, monkeypatch):
     folder = tmp_path / "vibro_robot_1"
     writer = BagWriter(folder, defined(topics), {}, Storage())
     writer.write(topics[0].name, 1, bytes(100))
@@ -122,7 +122,7 @@ def test_a_caller_begins_one_bag_a_second_at_most(bench, topics, tmp_path):
 
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 @pytest.mark.quiet
-def test_a_full_disk_is_told_once_and_recording_resumes_when_there_is_room(start, listener, record, tmp_path):
+def test_a_full_disk_is_logged_once_and_recording_resumes_when_there_is_room(start, listener, record, tmp_path):
     robot = start("robot")
     listener.spin_for_samples(50)
     resource.prlimit(robot.pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))  # [bytes] no write succeeds

@@ -352,8 +352,8 @@ class Simulator:
     def _check_incident(self, incident: Incident) -> None:
         """Refuse a fault that the scene cannot have, and the end of a fault that is not active (ValueError)."""
         name, duration, side, value, *_ = incident
-        if FAULTS[name].befalls != DEVICE:
-            raise ValueError(f"fault: {name} befalls {FAULTS[name].befalls}, which this device does not have")
+        if FAULTS[name].affects != DEVICE:
+            raise ValueError(f"fault: {name} befalls {FAULTS[name].affects}, which this device does not have")
         if side and side not in self.scene.plates:
             raise ValueError(f"of: this scene has no {side} plate; give {' or '.join(self.scene.plates) or 'none'}")
         if name == STALL and duration:

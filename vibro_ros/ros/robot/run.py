@@ -300,7 +300,7 @@ class RobotRun:
     def fail(self, incident: Incident) -> str:
         """Begin or end a fault, also one of the commands."""
         operation, incident = Operation(FAULT, parameters=incident._asdict()), checked_incident(*incident)
-        if FAULTS[incident.fault].befalls != COMMANDS:
+        if FAULTS[incident.fault].affects != COMMANDS:
             return self.disturb(operation)
         with self._locked():
             check_lasting(incident.fault, "", incident.duration, [
