@@ -18,8 +18,7 @@ from functools import cache, partial
 import numpy as np
 
 from vibro_lab.twin.estimator import Departure, Estimate, Estimator
-from vibro_lab.twin.particles import INDEX, MeasuredNumber
-from vibro_lab.twin.settings import FilterSettings
+from vibro_lab.twin.particles import INDEX, FilterSettings, MeasuredNumber
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.scene import Scene

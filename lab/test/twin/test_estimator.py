@@ -7,8 +7,7 @@ import pytest
 from following import BANDWIDTH, FAULTS, FIELD, GAPS, TICK, begun, changed_verdicts, follow, measured
 
 from vibro_lab.twin.estimator import Estimator
-from vibro_lab.twin.particles import INDEX, MeasuredNumber, Particle
-from vibro_lab.twin.settings import FilterSettings
+from vibro_lab.twin.particles import INDEX, FilterSettings, MeasuredNumber, Particle
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.faults import Incident
 from vibro_ros.sensors.device import new_device
