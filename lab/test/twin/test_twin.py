@@ -213,8 +213,8 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(subscriptions
                      "the twin's ears")
 
     def told(now: float, waited: float, *messages) -> list:
-        """Publish messages with the stamp 0.1 s; return the numbers received at the instant `now` [s], so long [s] after
-        the poll before."""
+        """Publish messages with the stamp 0.1 s; return the numbers received at the instant `now` [s], so long [s]
+        after the poll before."""
         def count() -> int:
             return sum(subscriptions.received.values()) + subscriptions._node.refusals.count
 

@@ -1,9 +1,8 @@
 """``study orbits``: branches of periodic orbits over a parameter, and their special points.
 
 Orbits are searched for at some values of the parameter. The branch through each orbit that does not lie on a known
-branch is followed in both directions, then the branches of doubled period from period doublings
-(`followed_branches`). A branch is a block of a `table.Study`, with one row for each orbit or special point, in its
-order.
+branch is followed in both directions; afterwards the branches of doubled period are followed from period doublings
+(`followed_branches`). A branch is a block of a `table.Study`, with a row for each orbit or special point.
 """
 
 import argparse
@@ -97,21 +96,20 @@ def branch_of_task(plan: BranchPlan, task: BranchTask) -> Branch:
 
 def rows_of(branch: Branch) -> list[dict]:
     """Return the rows of a branch; one row with the reason if it has no orbit."""
-    def row(point: Any, value: float, multipliers: np.ndarray, other: dict) -> dict:
-        return {branch.name: value, "turns": branch.turns, "multipliers_real": multipliers.real,
-                "multipliers_imag": multipliers.imag, **point, **other}
+    def row(value: float, mean_speed: float, phase: float, state: Sequence[float] | np.ndarray,
+            multipliers: np.ndarray, **others: object) -> dict:
+        return {branch.name: value, "turns": branch.turns, "mean_speed": mean_speed, "phase": phase, "state": state,
+                "multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag, **others}
 
-    rows = [row({"mean_speed": branch.mean_speeds[k], "phase": branch.phases[k], "state": branch.states[k]},
-                branch.values[k], branch.multipliers[k],
-                {"stable": bool(branch.stable[k]), **{name: values[k] for name, values in branch.strobe.items()}})
+    rows = [row(branch.values[k], branch.mean_speeds[k], branch.phases[k], branch.states[k], branch.multipliers[k],
+                stable=bool(branch.stable[k]), **{name: values[k] for name, values in branch.strobe.items()})
             for k in range(len(branch))]
     for number, special in enumerate(branch.special_points):
         rows.insert(special.at + number, row(
-            {"mean_speed": special.mean_speed, "phase": special.phase, "state": special.state}, special.value,
-            special.multipliers,
-            {"kind": special.kind, "width": special.width, "change": special.change or None}))
+            special.value, special.mean_speed, special.phase, special.state, special.multipliers, kind=special.kind,
+            width=special.width, change=special.change or None))
     if not rows:
-        rows = [row({"mean_speed": math.nan, "phase": math.nan, "state": []}, math.nan, np.empty(0), {})]
+        rows = [row(math.nan, math.nan, math.nan, [], np.empty(0))]
     rows[-1]["end"] = branch.end
     return rows
 
@@ -178,62 +176,68 @@ _SAME_DOUBLING = 1e-6  # share of the range within which period doublings of two
 _JOINING_SHARE = 0.05
 
 
-def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> list[tuple[BranchTask, Branch]]:
-    """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes."""
-    done: list[tuple[BranchTask, Branch]] = []
+Done = list[tuple[BranchTask, Branch]]
+"""Branches with their tasks; the index is a branch's number."""
 
-    def follow(tasks: Sequence[BranchTask]) -> None:
-        numbered = dict(enumerate(tasks, len(done)))
-        if numbered and max(numbered) >= MOST_BRANCHES:
-            raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
 
-        def said(number: int) -> str:
-            task = numbered[number]
-            return (f"branch {number}: {_turns(task.turns)}, {task.direction} from {plan.name} = {task.value:.9g}, at "
-                    f"most {plan.points} orbits")
-
-        def rows_of_blocks(numbers: Iterable[int]) -> Rows:
-            for number in numbers:
-                say("study", said(number))
-            return execution.rows(study.rows, numbers, study.run_time)
-
-        study = study_of(plan, numbered)
-        tables = stored(study, folder, {number: [number] for number in numbered}, rows_of_blocks)
-        done.extend((task, branch_in(tables[number], plan.scene, plan.name)) for number, task in numbered.items())
-
+def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> Done:
+    """Return every branch of a plan with its task, stored in a folder into which no other process writes."""
     check_folder(study_of(plan, {}), folder)  # refuses files of another study before the search
+    done: Done = []
+    for value, seeds in zip(plan.begin, _searched_seeds(plan, execution), strict=True):
+        for seed in seeds:
+            family = plan.family(seed.turns, seed.phase)
+            if not any(lies_on(family, seed, value, branch) for _, branch in done):
+                done += _followed(plan, [BranchTask(direction, seed.turns, seed.phase, seed.state, value, None)
+                                         for direction in (UP, DOWN)], len(done), folder, execution)
+    examined: set[tuple[int, int]] = set()
+    while tasks := _doublings(plan, done, examined):
+        done += _followed(plan, tasks, len(done), folder, execution)
+    return done
+
+
+def _searched_seeds(plan: BranchPlan, execution: Execution) -> list[list[Seed]]:
+    """Search for orbits at each of `plan.begin`."""
     seeds_of_values = list[list[Seed]]()
     with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME)) as results, \
             Progress("orbits looked for", "value", len(plan.begin)) as bar:
         for seeds in results:
             seeds_of_values.append(seeds)
             bar.add(1)
-    for value, seeds in zip(plan.begin, seeds_of_values, strict=True):
-        for seed in seeds:
-            family = plan.family(seed.turns, seed.phase)
-            if not any(lies_on(family, seed, value, branch) for _, branch in done):
-                follow([BranchTask(direction, seed.turns, seed.phase, seed.state, value, None)
-                        for direction in (UP, DOWN)])
-    begun: set[tuple[int, int]] = set()
-    while tasks := _doublings(plan, done, begun):
-        follow(tasks)
-    return done
+    return seeds_of_values
 
 
-def _doublings(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]], begun: set[tuple[int, int]]
-               ) -> list[BranchTask]:
+def _followed(plan: BranchPlan, tasks: Sequence[BranchTask], first: int, folder: Path, execution: Execution) -> Done:
+    """Return the branches of some tasks, which are numbered from `first` on; stored ones are read."""
+    numbered = dict(enumerate(tasks, first))
+    if max(numbered) >= MOST_BRANCHES:
+        raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
+    study = study_of(plan, numbered)
+
+    def rows_of_blocks(numbers: Iterable[int]) -> Rows:
+        for number in numbers:
+            task = numbered[number]
+            say("study", f"branch {number}: {_turns(task.turns)}, {task.direction} from {plan.name} = "
+                         f"{task.value:.9g}, at most {plan.points} orbits")
+        return execution.rows(study.rows, numbers, study.run_time)
+
+    tables = stored(study, folder, {number: [number] for number in numbered}, rows_of_blocks)
+    return [(task, branch_in(tables[number], plan.scene, plan.name)) for number, task in numbered.items()]
+
+
+def _doublings(plan: BranchPlan, done: Done, examined: set[tuple[int, int]]) -> list[BranchTask]:
     """Return tasks for the first period doubling of each branch whose branch of doubled period is not known yet.
 
-    `begun` has the numbers of the branches and special points that were examined before; new ones are added.
+    `examined` has the numbers of the branches and special points that were examined before; new ones are added.
     """
     tasks, span = list[BranchTask](), plan.high - plan.low
     for parent, (_, branch) in enumerate(done):
         if 2 * branch.turns > plan.turns:
             continue
         for number, special in enumerate(branch.special_points):
-            if special.kind != DOUBLING or (parent, number) in begun:
+            if special.kind != DOUBLING or (parent, number) in examined:
                 continue
-            begun.add((parent, number))
+            examined.add((parent, number))
             is_known = any(task.direction == DOUBLED and task.turns == branch.turns
                            and abs(task.value - special.value) < _SAME_DOUBLING * span
                            for task in (*tasks, *(task for task, _ in done)))
@@ -249,7 +253,7 @@ LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
 """First letter of a special point's name in picture and files, by its kind."""
 
 
-def special_points_of(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[tuple[int, Branch, str, Special]]:
+def special_points_of(done: Done) -> Iterator[tuple[int, Branch, str, Special]]:
     """Yield each special point with the number of its branch, the branch, and its name.
 
     The name is the letter of its kind and a number, counted over all branches.
@@ -261,12 +265,12 @@ def special_points_of(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[tup
             yield number, branch, f"{LETTERS[special.kind]}{counts[special.kind]}", special
 
 
-def in_words(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[str]:
+def in_words(done: Done) -> Iterator[str]:
     """Yield one line of text for each branch."""
-    named = list(special_points_of(done))
+    named_points = list(special_points_of(done))
     for number, (task, branch) in enumerate(done):
-        special = ", ".join(f"{name} {point.kind} at {point.value:.9g}" for of, _, name, point in named
-                            if of == number and point.kind != CORNER)
+        special = ", ".join(f"{name} {point.kind} at {point.value:.9g}" for of_branch, _, name, point in named_points
+                            if of_branch == number and point.kind != CORNER)
         stable = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in stable_ranges(branch))
         begin = f"{task.direction} from {task.value:.6g}" if task.parent is None else (
             f"from a period doubling of branch {task.parent} at {task.value:.6g}")
@@ -293,7 +297,7 @@ _CELLS = 50.0  # cells along each axis of a panel; special points of one cell sh
 
 
 @figures.default_settings()
-def draw_orbits(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> bytes:
+def draw_orbits(plan: BranchPlan, done: Done) -> bytes:
     """Draw all branches; returns a PNG file."""
     figure, branches = figures.new_figure(9.0, 8.4), [branch for _, branch in done]
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -304,14 +308,16 @@ def draw_orbits(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> 
         if coordinate:
             _draw_line(lower, branch, 1e3 * branch.strobe[coordinate])
     lower.set_xlim(plan.low, plan.high)
-    named = [(name, special.value, 1e3 * special.mean_speed) for _, _, name, special in special_points_of(done)
-             if special.kind != CORNER]
-    for _, branch, _, special in special_points_of(done):
+    labels = list[tuple[str, float, float]]()
+    for _, branch, name, special in special_points_of(done):
         mark, size = MARKS[special.kind]
-        colour = _COLOURS.get(branch.turns, _COLOURS[0])
-        upper.plot(special.value, 1e3 * special.mean_speed, mark, ms=size, color=colour, zorder=3,
-                   mfc="white" if special.kind != CORNER else None)
-    _write_names(upper, named)
+        speed, colour = 1e3 * special.mean_speed, _COLOURS.get(branch.turns, _COLOURS[0])
+        if special.kind == CORNER:
+            upper.plot(special.value, speed, mark, ms=size, color=colour, zorder=3)
+        else:
+            upper.plot(special.value, speed, mark, ms=size, color=colour, zorder=3, mfc="white")
+            labels.append((name, special.value, speed))
+    _write_names(upper, labels)
     upper.set(ylabel="mean speed [mm/s]")
     lower.set(xlabel=figures.of_parameter(plan.name),
               ylabel=f"{(coordinate or '').replace('_', ' ')} at crank angle 0 [mm]")
@@ -333,10 +339,10 @@ def _draw_line(axes: figures.Axes, branch: Branch, values: np.ndarray) -> None:
                 axes.plot(branch.values[part], values[part], color=colour, ls=style, lw=1.2)
 
 
-def _write_names(axes: figures.Axes, named: Sequence[tuple[str, float, float]]) -> None:
-    """Write names of special points into the picture; those that lie close together share a label."""
+def _write_names(axes: figures.Axes, labels: Sequence[tuple[str, float, float]]) -> None:
+    """Write names of special points at their places in the picture; those that lie close together share a label."""
     cells: dict[tuple[int, int], list[str]] = {}
-    for name, *place in named:
+    for name, *place in labels:
         across, up = axes.transLimits.transform(place)
         cells.setdefault((round(_CELLS * across), round(_CELLS * up)), []).append(name)
     if len(cells) <= _MOST_NAMES:
@@ -386,7 +392,7 @@ def plan_of(options: argparse.Namespace) -> BranchPlan:
     return plan
 
 
-def _files(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> dict[str, bytes]:
+def _files(plan: BranchPlan, done: Done) -> dict[str, bytes]:
     """Contents of tables, text and picture by file name; no tables without a branch."""
     names = iter([name for _, _, name, _ in special_points_of(done)])
     rows = [{"branch": number, "name": next(names) if "kind" in row else None, **row}

@@ -211,8 +211,8 @@ class Twin:
         if (late := estimator.late - self._late) > 0.5 * self._measured:
             why = "give a longer one, or use_sim_time if the robot's time is not the clock's"
             if len(self._waits_of_late) >= 0.5 * late:
-                why = (f"they waited up to {max(self._waits_of_late):.1f} s for this node, which lacks time to compute: "
-                       "give fewer twin.particles, or a computer with less to do")
+                why = (f"they waited up to {max(self._waits_of_late):.1f} s for this node, which lacks time to "
+                       "compute: give fewer twin.particles, or a computer with less to do")
             troubles.append(f"{late} of {self._measured} measurements came later than twin.delay, and are not used; "
                             f"{why}")
         self._waits_of_late.clear()
