@@ -59,9 +59,9 @@ def follow(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     yield point, point
     while 0.0 <= point.unknowns[-1] <= 1.0:
         neighbours, step = _next(point, step)
-        for after in neighbours:
-            yield point, after
-            point = after
+        for neighbour in neighbours:
+            yield point, neighbour
+            point = neighbour
         point = _well_cut(point)
 
 
@@ -75,20 +75,20 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
         guess, crosses = point.unknowns + step * point.tangent, False
         try:
             unknowns, derivatives = corrected_orbit(family, guess, point.tangent, step)
-            after = point_at(family, unknowns, point.tangent, step)
-            crosses = not same_order(after.passage.order, point.passage.order)
-            if not crosses and 1.0 - after.tangent @ point.tangent <= settings.bend:
+            next_point = point_at(family, unknowns, point.tangent, step)
+            crosses = not same_order(next_point.passage.order, point.passage.order)
+            if not crosses and 1.0 - next_point.tangent @ point.tangent <= settings.bend:
                 growth = 1.5 if derivatives <= settings.easy_iterations else 1.0
-                return [after], min(settings.longest_step, step * growth)
-            reason = f"the branch bends too sharply near {family.where(after.unknowns)}"
+                return [next_point], min(settings.longest_step, step * growth)
+            reason = f"the branch bends too sharply near {family.where(next_point.unknowns)}"
         except LostError as error:
             reason = str(error)
             try:
                 crosses = not same_order(family.order(guess), point.passage.order)
             except (SimulationError, ValueError):
                 crosses = False
-        if (crosses or step < settings.edge_search_step) and (last := point_before_edge(point, step)):
-            return [last, point_beyond_edge(last)], settings.first_step
+        if (crosses or step < settings.edge_search_step) and (edge := point_before_edge(point, step)):
+            return [edge, point_beyond_edge(edge)], settings.first_step
         if step < 2.0 * settings.stiff_step and abs(point.multipliers[0]) > settings.stiff_multiplier:
             raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
                             f"{abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
@@ -123,19 +123,19 @@ def locate_zero(first: BranchPoint, second: BranchPoint, test: Callable[[BranchP
     span = end - start
     length = float(np.linalg.norm(span))
     normal = span / length
-    low, high, at_low, at_high = 0.0, 1.0, test(first), test(second)
+    low, high, value_low, value_high = 0.0, 1.0, test(first), test(second)
     low_point, high_point = first, second
     while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
-        secant = low + (high - low) * at_low / (at_low - at_high)
+        secant = low + (high - low) * value_low / (value_low - value_high)
         middle = min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
         unknowns, _ = corrected_orbit(family, start + middle * span, normal, length)
         point = point_at(family, unknowns, first.tangent, length, fine=True)
-        at = test(point)
-        if (at > 0.0) == (at_low > 0.0):
-            low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point
+        value = test(point)
+        if (value > 0.0) == (value_low > 0.0):
+            low, value_low, value_high, low_point = middle, value, 0.5 * value_high, point
         else:
-            high, at_high, at_low, high_point = middle, at, 0.5 * at_low, point
-        if at == 0.0 or np.abs(low_point.unknowns - high_point.unknowns).max() < 1e-15:
+            high, value_high, value_low, high_point = middle, value, 0.5 * value_low, point
+        if value == 0.0 or np.abs(low_point.unknowns - high_point.unknowns).max() < 1e-15:
             break  # not where the parameter alone is equal, as it is on both sides of a fold
     best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
     width = _width(low_point, high_point, (high - low) * length)

@@ -129,17 +129,17 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     check_closes(scene)
     TurnMap(scene)  # refuses a crank that stands
     device, repeats = Simulator(scene), 0
-    for settled in SETTLING:
-        turn_round(device, settled)
+    for settling in SETTLING:
+        turn_round(device, settling)
         phase, _ = free_phase(scene, device)
         turn_map = TurnMap(scene, phase)
-        seen = turn_map.cuts(device, 2 * MOST_TURNS).states
-        returns = np.abs(seen[turns:] - seen[:-turns]).max(axis=1)
+        cuts = turn_map.cuts(device, 2 * MOST_TURNS).states
+        returns = np.abs(cuts[turns:] - cuts[:-turns]).max(axis=1)
         for best in np.argsort(returns, kind="stable")[:_GUESSES]:
-            if closed := fixed_point(turn_map, seen[best], turns):
+            if closed := fixed_point(turn_map, cuts[best], turns):
                 return orbit_at(turn_map, closed, turns)
         repeats = repeats or next((count for count in range(1, MOST_TURNS + 1)
-                                   if np.abs(seen[count:] - seen[:-count]).max() < _LARGEST_RETURN), 0)
+                                   if np.abs(cuts[count:] - cuts[:-count]).max() < _LARGEST_RETURN), 0)
     advice = f"; it repeats itself after {repeats} turns: give turns={repeats}" if repeats else (
         f", nor one that repeats itself within {MOST_TURNS} turns")
     raise OrbitNotFoundError(f"{scene.name}: at {command_in_words(scene)} no motion was found that repeats itself "
@@ -239,11 +239,11 @@ def fixed_point(turn_map: TurnMap, guess: np.ndarray, turns: int) -> FixedPoint 
         while part >= _LEAST_STEP_PART:
             moved = state - part * difference
             try:
-                after = turn_map(moved, turns).state - moved
+                moved_residual = turn_map(moved, turns).state - moved
             except (SimulationError, ValueError):
-                after = np.full_like(residual, np.inf)
-            if np.abs(after).max() < np.abs(residual).max():
-                state, residual = moved, after
+                moved_residual = np.full_like(residual, np.inf)
+            if np.abs(moved_residual).max() < np.abs(residual).max():
+                state, residual = moved, moved_residual
                 break
             part *= 0.5
         else:

@@ -104,14 +104,14 @@ class SweepDesign:
 
     def changes(self, point: int) -> dict[str, Value]:
         """Values of the varied parameters at a point."""
-        sampled, rest = self._samples, point
+        sampled, remainder = self._samples, point
         values: dict[str, Value] = {}
         if self.sampling:
-            rest, sample = divmod(point, self.sampling.count)
+            remainder, sample = divmod(point, self.sampling.count)
             values = {name: float(sampled[sample, k])
                       for k, varied_range in enumerate(self.ranges) for name in varied_range.names}
         for axis in reversed(self.axes):
-            rest, index = divmod(rest, len(axis.values))
+            remainder, index = divmod(remainder, len(axis.values))
             values |= dict.fromkeys(axis.names, axis.values[index])
         return {name: values[name] for name in self.names}
 

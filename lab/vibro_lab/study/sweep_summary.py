@@ -84,12 +84,12 @@ def summarised(design: SweepDesign, table: pa.Table) -> Summary:
         settled = [None if turns[run] is None else SettledMotion(
             turns[run], np.array(states[run]).reshape(turns[run] or KEPT_STATES, -1), float(speed), 0, tolerance)
             for run, speed in zip(runs, speeds, strict=True)]
-        attractors, places = group_starts(settled, speeds.tolist())
-        for place, attractor in enumerate(attractors):
-            of_motion = runs[places == place]
+        attractors, indices = group_starts(settled, speeds.tolist())
+        for index, attractor in enumerate(attractors):
+            of_motion = runs[indices == index]
             drift = 0.0 if attractor.turns else drift_in(columns["drift"][of_motion], attractor.mean_speed)
             measures = _statistics({name: columns[name][of_motion] for name in design.measures})
-            motions[-1].append(MotionRow(point, place + 1, attractor, measures, drift))
+            motions[-1].append(MotionRow(point, index + 1, attractor, measures, drift))
     is_refused = np.array([str(error).startswith(NO_SCENE) for error in errors]).reshape(-1, starts)
     has_error = np.array([error is not None for error in errors]).reshape(-1, starts)
     parameters = {name: table[name].to_pylist()[::starts] for name in design.names}
