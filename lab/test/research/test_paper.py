@@ -244,9 +244,9 @@ def test_mean_speeds_of_the_first_seconds_are_found_again(reading, spans, point)
     displaced = displacements(Batch(reading, point, full_effort().exact_starts))
     for span in spans:
         mean, spread = mean_of(speeds(displaced, span))
-        told = of(reading, span).means[point]
-        assert told.mean == pytest.approx(mean, rel=1e-5, abs=1e-8)
-        assert told.spread == pytest.approx(spread, rel=1e-4, abs=1e-8)
+        stored = of(reading, span).means[point]
+        assert stored.mean == pytest.approx(mean, rel=1e-5, abs=1e-8)
+        assert stored.spread == pytest.approx(spread, rel=1e-4, abs=1e-8)
 
 
 def test_the_answer_is_what_the_verdicts_say():

@@ -58,8 +58,8 @@ def test_a_scene_without_losses_settles_nowhere(tmp_path, capsys):
     words = ["--scene", "no_impact", "--over", "upper_velocity=0:1:2", "--over", "crank_angle=0:1:2", "--workers", "1",
              "--output", str(tmp_path)]
     assert main(words) == 0
-    said = capsys.readouterr().out
-    assert "4 starts had not settled within 4096 turns" in said
+    output = capsys.readouterr().out
+    assert "4 starts had not settled within 4096 turns" in output
     assert pandas.read_parquet(tmp_path / "starts.parquet")["attractor"].tolist() == [0, 0, 0, 0]
     assert len(pandas.read_parquet(tmp_path / "attractors.parquet")) == 0
 
@@ -83,7 +83,7 @@ def test_a_tolerance_that_rounding_breaks_is_said_once(tmp_path, capsys):
     assert capsys.readouterr().err.count("solver.tolerance") == 1
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     (["--over", "speed=0:1:2"], "--over speed: is no coordinate of this scene's start; give one of upper_position"),
     (["--over", "body_velocity"], "--over body_velocity: has 1 parts; give LOW:HIGH:COUNT"),
     (["--over", "body_velocity=0:1"], "give NAME=LOW:HIGH:COUNT; for random starts use vibro_lab.attractors"),
@@ -92,8 +92,8 @@ def test_a_tolerance_that_rounding_breaks_is_said_once(tmp_path, capsys):
     (["--over", "body_velocity=0:1:3", "--over", "body_velocity=0:2:3"], "give two different coordinates"),
     (["--turns", "4"], "--turns 4 and --most-turns 4096"),
     (["--set", "effects.upper_mass=false", "--set", "effects.inclined_mass=false"], "nothing moves in it but")])
-def test_bad_words_are_refused_in_one_line(refusal, words, said):
-    assert said in refusal(main, *RARE, *words)
+def test_bad_words_are_refused_in_one_line(refusal, words, message):
+    assert message in refusal(main, *RARE, *words)
 
 
 @pytest.mark.parametrize(("successes", "of", "low", "high"), [
