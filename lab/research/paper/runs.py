@@ -43,19 +43,11 @@ NEAR = 0.1
 
 
 class SimulationEffort(NamedTuple):
-    """Amount of simulation.
-
-    Attributes
-    ----------
-    readings : tuple of Reading
-        The readings.
-    exact_starts, worksheet_starts : int
-        Number of starts of each robot under readings with `exact`, and under the others.
-    """
+    """Amount of simulation."""
 
     readings: tuple[Reading, ...]
-    exact_starts: int
-    worksheet_starts: int
+    exact_starts: int  # number of starts of each robot under readings with `exact`
+    worksheet_starts: int  # the same under the other readings
 
     def starts(self, reading: Reading) -> int:
         """Number of starts under a reading."""

@@ -67,8 +67,6 @@ class TurnMap:
 
     Attributes
     ----------
-    scene, phase
-        The parameters.
     names : tuple of str
         Names of the state's coordinates, fields of `Samples`, and `controller_integral`.
     units : ndarray, shape (n,)
