@@ -290,9 +290,9 @@ def rows_of(result: Numbers, words: str) -> list[Numbers]:
     return [row for row in result["verified"] if words in row["reading"]]
 
 
-def range_of(rows: Sequence[Numbers], factor: float = 1.0) -> str:
-    """Text of the slowest and fastest mean speed of several rows, times `factor`; no mean over them."""
-    values = sorted({number(factor * row["speed"]["mean"]) for row in rows}, key=lambda text: abs(float(text)))
+def range_of(rows: Sequence[Numbers]) -> str:
+    """Text of the slowest and fastest mean speed of several rows; no mean over them."""
+    values = sorted({number(row["speed"]["mean"]) for row in rows}, key=lambda text: abs(float(text)))
     return " to ".join([values[0], values[-1]] if len(values) > 1 else values)
 
 

@@ -224,7 +224,7 @@ HELPER = "def factor(x):\n    return 2.0 * x\n"
     ("digests.json", '{"scene/device/exact": "7"}', True)], ids=[
         "words", "another page's function", "a statement", "a statement of a helper", "other bits", "bits"])
 def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, changes, tmp_path, monkeypatch):
-    """A comment or a function for another page had made twelve pages older than their code."""
+    """A comment, or a function for another page, makes no page stale."""
     (tmp_path / "made.py").write_text("from tools.helper import factor\n\n\ndef table(x):\n    return factor(x)\n")
     (tmp_path / "helper.py").write_text(HELPER)
     (tmp_path / "digests.json").write_text('{"scene/device/exact": "1"}')
@@ -239,7 +239,7 @@ def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, c
 
 @pytest.mark.parametrize(("names", "code"), [([], 0), (["map", "paper"], 1)])
 def test_a_stale_page_fails_the_check(names, code, monkeypatch, capsys):
-    """`make lint` named twelve such pages and went on."""
+    """By its exit code `make lint` fails."""
     monkeypatch.setattr(documents, "stale", lambda: names)
     assert documents.main(["--check"]) == code
     output = capsys.readouterr().out

@@ -39,7 +39,6 @@ from vibro_lab.orbits.passage import change_in_words, contacts_of, same_order
 from vibro_ros import SimulationError
 
 FOLD, DOUBLING, TORUS, GRAZING, CORNER = "fold", "period doubling", "Neimark-Sacker", "grazing", "corner"
-KINDS = (FOLD, DOUBLING, TORUS, GRAZING, CORNER)
 
 
 class EdgeError(LostError):
@@ -72,7 +71,7 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
     """
     family, settings, reason = point.family, point.family.settings, ""
     while step >= settings.shortest_step:
-        guess, crosses = point.unknowns + step * point.tangent, False
+        guess = point.unknowns + step * point.tangent
         try:
             unknowns, derivatives = corrected_orbit(family, guess, point.tangent, step)
             next_point = point_at(family, unknowns, point.tangent, step)
@@ -82,11 +81,7 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
                 return [next_point], min(settings.longest_step, step * growth)
             reason = f"the branch bends too sharply near {family.where(next_point.unknowns)}"
         except LostError as error:
-            reason = str(error)
-            try:
-                crosses = not same_order(family.order(guess), point.passage.order)
-            except (SimulationError, ValueError):
-                crosses = False
+            reason, crosses = str(error), _changes_order(point, guess)
         if (crosses or step < settings.edge_search_step) and (edge := point_before_edge(point, step)):
             return [edge, point_beyond_edge(edge)], settings.first_step
         if step < 2.0 * settings.stiff_step and abs(point.multipliers[0]) > settings.stiff_multiplier:
@@ -94,6 +89,14 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
                             f"{abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
         step *= 0.5
     raise LostError(reason)
+
+
+def _changes_order(point: BranchPoint, guess: np.ndarray) -> bool:
+    """Whether the events at a guess have another order than at a point of the branch; False if the guess cannot run."""
+    try:
+        return not same_order(point.family.order(guess), point.passage.order)
+    except (SimulationError, ValueError):
+        return False
 
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
@@ -138,8 +141,7 @@ def locate_zero(first: BranchPoint, second: BranchPoint, test: Callable[[BranchP
         if value == 0.0 or np.abs(low_point.unknowns - high_point.unknowns).max() < 1e-15:
             break  # not where the parameter alone is equal, as it is on both sides of a fold
     best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
-    width = _width(low_point, high_point, (high - low) * length)
-    return best, family.span(width)
+    return best, family.span(_width(low_point, high_point, (high - low) * length))
 
 
 def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
@@ -273,7 +275,7 @@ def _entered(edge: BranchPoint, direction: np.ndarray, arc: float, depth: float)
 class SpecialPoint:
     """A special point of a branch."""
 
-    kind: str  # one of `KINDS`
+    kind: str  # `FOLD`, `DOUBLING`, `TORUS`, `GRAZING` or `CORNER`
     point: BranchPoint  # point of the branch there
     width: float  # width of the interval of the parameter [its unit] in which it was found
     # Change of the order of events, such as ``stick vanishes``, and whether the branch turns back there; empty if the

@@ -56,13 +56,13 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     events = device.take_events()
     events = events[events["time"] < end]
     of_contact = np.char.endswith(events["kind"], _CONTACT)
-    kinds, counts = np.unique(events["kind"][of_contact], return_counts=True)
+    contacts = events[of_contact]
+    kinds, counts = np.unique(contacts["kind"], return_counts=True)
     begins, lasting = turn_map.shares(state, events["time"], np.where(of_contact, events["duration"], 0.0))
     busy = events_in_cells(begins % 1.0, lasting) > 0.0
     occupied = np.flatnonzero(busy)
     clear = min(occupied.min(), CELLS - 1 - occupied.max()) / CELLS if len(occupied) else 1.0
     best, _ = middle_of_longest(~busy, free=True) if not busy.all() else (0.0, 0.0)
-    contacts = events[of_contact]
     speeds = np.maximum(contacts["speed"] / turn_map.velocity, 0.5 * TURN * lasting[of_contact])
     miss = _nearest_miss(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
@@ -70,7 +70,7 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
                    miss, end_and_order(turn_map, state, turns)[1])
 
 
-def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
+def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[TurnEnd, EventOrder]:
     """Return the end of `turns` turns from `state`, as a call of the map does, and the order of the events until then.
     """
     device = turn_map.device

@@ -14,7 +14,7 @@ Three things differ from the plain filter, whose numbers are `FilterSettings`:
 - When the measurements of some quantity are much farther off than usual, faults are compared (`faults.py`).
 
 No scene is the robot, and copies of particles soon agree on what the scene lacks. So the variance of the body's speed
-is at least what the innovations show: `_speed_variances`.
+is at least the one that the innovations show (`SpeedErrors`).
 """
 
 import math
@@ -83,6 +83,63 @@ class Departure(NamedTuple):
     words: str
 
 
+class SpeedErrors:
+    """Errors of the body's two speeds that the innovations show, averaged over `memory` [s].
+
+    An error of the acceleration that oscillates with the crank is an error of the speed, divided by the crank's speed.
+    The median of its magnitude counts, because a blow that comes a tenth of a millisecond early is an error of a
+    hundred m/s² that hardly changes the speed. An error of the mean speed lets the offset between measured and
+    simulated place drift; a drift that the offset's own variance explains is no error.
+    """
+
+    def __init__(self, memory: float):
+        self._memory, self._acceleration, self._earlier_offset = memory, dict[str, float](), math.nan
+
+    def update(self, innovations: Sequence[Innovation], offset: float, offset_variance: float) -> None:
+        """Take the innovations of a step, and the offset of the place [m] after it with its variance [m²]."""
+        share = STEP / self._memory
+        for axis in ACCELERATIONS:
+            errors = [abs(innovation.value) for innovation in innovations if innovation.field == axis]
+            if errors:
+                average = self._acceleration.get(axis, median(errors))
+                self._acceleration[axis] = average + share * (median(errors) - average)
+        if not math.isnan(self._earlier_offset):
+            self._earlier_offset += share * (offset - self._earlier_offset)
+        elif offset_variance < KNOWN_PLACE**2:
+            self._earlier_offset = offset
+
+    def variances(self, crank_speed: float, offset: float, offset_variance: float) -> tuple[float, float]:
+        """Return the variances of the speeds along and across the ground [m²/s²]."""
+        along, across = ((GAUSSIAN * self._acceleration.get(axis, 0.0) / max(abs(crank_speed), SLOWEST))**2
+                         for axis in ACCELERATIONS)
+        drift = offset - self._earlier_offset
+        if math.isfinite(drift):
+            along += max(0.0, drift**2 - offset_variance) / self._memory**2
+        return along, across
+
+
+class InnovationSquares:
+    """Mean squares of the normalised innovations by quantity: the usual ones, and those of the latest step."""
+
+    def __init__(self, settings: FilterSettings):
+        self._settings, self._usual, self.latest = settings, dict[str, float](), dict[str, float]()
+
+    def ratios(self, innovations: Sequence[Innovation]) -> dict[str, float]:
+        """Take the innovations of a step, and return how unusual those of each quantity are; above 1 they are."""
+        squares: dict[str, list[float]] = {}
+        for innovation in innovations:
+            squares.setdefault(innovation.field, []).append(innovation.value**2 / innovation.variance)
+        ratios = dict[str, float]()
+        for field, of_field in squares.items():
+            square, usual = float(np.mean(of_field)), self._usual.get(field, 1.0)
+            recent = 0.5 * (square + self.latest.get(field, 0.0))
+            share = STEP / self._settings.memory
+            self._usual[field] = usual + share * (min(square, self._settings.most_usual) - usual)
+            self.latest[field] = square
+            ratios[field] = recent / (self._settings.unusual + 4.0 * usual)
+        return ratios
+
+
 class Estimator:
     """Estimates the state and the free parameters of a robot.
 
@@ -127,11 +184,11 @@ class Estimator:
         self.departure: Departure | None = None
         self._active: Incident | None = None
         self._frozen: Mapping[str, Frozen] = {}  # quantities that a sensor no longer measures
-        self._usual, self._latest = dict[str, float](), dict[str, float]()
+        self._squares = InnovationSquares(self._settings)
         self._unusual_since, self._last_unusual = math.inf, -math.inf
         self._history: deque[FilterStep] = deque(maxlen=self._settings.most_kept)
         self._temper = 1.0  # the power of the last step's likelihoods
-        self._unexplained_acceleration, self._lagging_offset = dict[str, float](), math.nan
+        self._speed_errors = SpeedErrors(self._settings.growth_memory)
         believed, deviation = np.log([self._scene[name] for name in self._free]), self._spread
         if self.restarts:
             believed, deviation = self._weights @ self._log_parameters, self._spread
@@ -191,50 +248,21 @@ class Estimator:
         mean = self._weights @ values
         variance = self._weights @ (values - mean)**2
         variance[INDEX["body_position"]] += self._weights @ self._offsets.variance["body_position"]
-        for place, speed, shown in zip(PLACES, SPEEDS, self._speed_variances(), strict=True):
+        shown = self._speed_errors.variances(float(mean[INDEX["motor_speed"]]), *self._place_offset())
+        for place, speed, least_variance in zip(PLACES, SPEEDS, shown, strict=True):
             variance[INDEX[place]] += self._settings.least_place_deviation**2
-            variance[INDEX[speed]] = max(variance[INDEX[speed]], shown) + self._settings.least_speed_deviation**2
+            variance[INDEX[speed]] = max(variance[INDEX[speed]], least_variance)
+            variance[INDEX[speed]] += self._settings.least_speed_deviation**2
         numbers = np.exp(self._log_parameters)
         average = self._weights @ numbers
         deviation = np.sqrt(self._weights @ (numbers - average)**2)
         return Estimate(self.time, mean, variance, dict(zip(self._free, zip(
             average.tolist(), deviation.tolist(), strict=True), strict=True)))
 
-    def _speed_variances(self) -> tuple[float, float]:
-        """Return the variances of the body's two speeds that the innovations show [m²/s²].
-
-        An error of the acceleration that oscillates with the crank is an error of the speed, divided by the crank's
-        speed. The median of its magnitude counts, because a blow that comes a tenth of a millisecond early is an error
-        of a hundred m/s² that hardly changes the speed. An error of the mean speed lets the offset between measured and
-        simulated place drift; a drift that the offset's own variance explains is no error.
-        """
-        turning = max(abs(float(self._weights @ self._values()[:, INDEX["motor_speed"]])), SLOWEST)
-        along, across = ((GAUSSIAN * self._unexplained_acceleration.get(axis, 0.0) / turning)**2
-                         for axis in ACCELERATIONS)
-        drift = self._offset() - self._lagging_offset
-        drift_variance = float(self._weights @ self._offsets.variance["body_position"])
-        if math.isfinite(drift):
-            along += max(0.0, drift**2 - drift_variance) / self._settings.growth_memory**2
-        return along, across
-
-    def _offset(self) -> float:
-        """Return the mean offset between measured and simulated place [m]."""
-        return float(self._weights @ self._offsets.mean["body_position"])
-
-    def _average_innovations(self) -> None:
-        """Average the last innovations for `_speed_variances`."""
-        share = STEP / self._settings.growth_memory
-        for axis in ACCELERATIONS:
-            errors = [abs(innovation.value) for innovation in self.innovations if innovation.field == axis]
-            if errors:
-                usual = self._unexplained_acceleration.get(axis, median(errors))
-                self._unexplained_acceleration[axis] = usual + share * (median(errors) - usual)
-        offset = self._offset()
-        if math.isnan(self._lagging_offset):
-            if float(self._weights @ self._offsets.variance["body_position"]) < KNOWN_PLACE**2:
-                self._lagging_offset = offset
-        else:
-            self._lagging_offset += share * (offset - self._lagging_offset)
+    def _place_offset(self) -> tuple[float, float]:
+        """Return the mean offset between measured and simulated place [m], and its variance [m²]."""
+        return (float(self._weights @ self._offsets.mean["body_position"]),
+                float(self._weights @ self._offsets.variance["body_position"]))
 
     def _values(self) -> np.ndarray:
         return np.array([particle.device.values for particle in self._particles])
@@ -265,7 +293,7 @@ class Estimator:
         self._offsets.grow(self._values()[:, INDEX["motor_speed"]] - earlier_speeds, self._scene.has_rotor)
         gains, turns, self.innovations = self._offsets.weigh(measured, predicted, self._weights)
         self._weights, self._temper = self._reweighed(np.where(alive, gains, -np.inf))
-        self._average_innovations()
+        self._speed_errors.update(self.innovations, *self._place_offset())
         self._estimate = self._estimated()
         for particle, turn in zip(self._particles, np.where(alive, turns, 0.0).tolist(), strict=True):
             if turn:
@@ -289,7 +317,7 @@ class Estimator:
     def _restart_checks(self) -> None:
         """Forget what was unusual, because a fault has been named or is over."""
         self._history.clear()
-        self._latest.clear()
+        self._squares.latest.clear()
         self._unusual_since, self._began = math.inf, self.time
         self._has_turned = False  # the fault may have begun within a step
 
@@ -400,10 +428,7 @@ class Estimator:
         An IMU alone lets faults be compared, but is no departure: after a blow that comes a tenth of a millisecond
         early its whole signal is wrong.
         """
-        squares: dict[str, list[float]] = {}
-        for innovation in self.innovations:
-            squares.setdefault(innovation.field, []).append(innovation.value**2 / innovation.variance)
-        ratios = {field: self._unusual(field, float(np.mean(many))) for field, many in squares.items()}
+        ratios = self._squares.ratios(self.innovations)
         slow = {field: ratio for field, ratio in ratios.items() if field not in ACCELERATIONS}
         if self.time - self._began < self._settings.settling or not ratios:
             return
@@ -425,13 +450,6 @@ class Estimator:
             self.start_again(self.time)
         elif lasted >= self._settings.unexplained and not self.departure:
             self.departure = Departure(self.time, self._unusual_since, None, slow[farthest], farthest)
-
-    def _unusual(self, field: str, square: float) -> float:
-        """Return how unusual the mean `square` of a quantity's normalised innovations is; above 1 it is."""
-        usual = self._usual.get(field, 1.0)
-        recent, self._latest[field] = 0.5 * (square + self._latest.get(field, 0.0)), square
-        self._usual[field] = usual + STEP / self._settings.memory * (min(square, self._settings.most_usual) - usual)
-        return recent / (self._settings.unusual + 4.0 * usual)
 
     def _since_gap(self) -> int:
         """Return the number of steps since a plate was commanded to move; 0 if that is longer ago than is kept."""
