@@ -36,7 +36,7 @@ START_PATIENCE = 60.0
 END_PATIENCE = 5.0
 """Longest time [s] for a browser to end before it is killed."""
 DRAW_PATIENCE = 120.0
-"""Longest time [s] for the page to draw a picture's content; the robot may have to compile its kernels first."""
+"""Longest time [s] for the page to draw a picture's content."""
 CHARTS_FULL = 7.0
 """Simulated time [s] from which the strip charts are filled."""
 BLOWS = 12

@@ -57,7 +57,7 @@ class ReferenceProblem:
     @property
     def scene(self) -> Any:
         """The same problem for vibro_ros."""
-        from vibro_ros import load_scene  # numba, which a program of another interpreter lacks
+        from vibro_ros import load_scene  # compiled, which a program of another interpreter lacks
 
         return load_scene("paper").with_parameters(self.scene_parameters())
 
