@@ -148,7 +148,7 @@ def _in_words(attractor: Attractor) -> str:
 
 
 def cost_ratio(effect: SceneEffect) -> float:
-    """Median ratio of wall times with `effect` and without, run alternately, after a short run that makes the tables."""
+    """Median ratio of wall times with `effect` and without, run alternately, after a short run."""
     with_it, without = effect.scenes()
     _run(with_it, 1.0 / RATE)
     _run(without, 1.0 / RATE)
