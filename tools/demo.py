@@ -139,13 +139,7 @@ def _look(words: Sequence[str]) -> int:
 
 
 def check_bag(bag: Bag) -> None:
-    """Refuse a recording that does not show a robot in motion.
-
-    Raises
-    ------
-    DemoError
-        When a topic is missing or empty, or the body stayed within `MOVED` of its start.
-    """
+    """Refuse a recording in which a topic is missing or empty, or the body stayed within `MOVED` of its start."""
     names = {topic.rpartition("/")[2] for topic in bag.topics}
     missing = [name for name in ROBOT_TOPICS if name not in (*names, "tf", "tf_static", *OF_DC_MOTOR)]
     if missing:

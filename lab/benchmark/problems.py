@@ -119,15 +119,9 @@ class ReferenceProblem:
         return self.parameters["normal"] == "hop" and bool(np.any(states[:, COLUMNS.index("y")] < -height))
 
     def error(self, states: np.ndarray) -> float:
-        """Return the largest error of the judged columns, each relative to the span of its reference values; NaN if a
-        state is not a number.
+        """Return the largest error of the judged columns, each relative to the span of its reference values.
 
-        `states` has a row of `COLUMNS` for each of `times`, shape (n, 8).
-
-        Raises
-        ------
-        ValueError
-            For another number of rows.
+        `states` has a row of `COLUMNS` for each of `times`, shape (n, 8) (else ValueError). A NaN gives NaN.
         """
         if len(states) != len(self.times):
             raise ValueError(f"{len(states)} of {len(self.times)} samples")

@@ -85,11 +85,6 @@ def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool
     points : int
         Largest number of orbits, from 2 to 100 000.
 
-    Returns
-    -------
-    Branch
-        The orbits, and the special points between them.
-
     Raises
     ------
     ValueError

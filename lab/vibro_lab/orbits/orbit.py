@@ -105,19 +105,12 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     turns : int
         From 1 to `MOST_TURNS`.
 
-    Returns
-    -------
-    Orbit
-        The orbit, with its multipliers.
-
     Raises
     ------
     ValueError
         For a number of turns out of range, a crank that stands, or a controller that takes samples.
     OrbitNotFoundError
         When no such orbit is found; the message names the period of the settled motion [turns], if it has one.
-    SimulationError
-        If the run cannot go on.
 
     Examples
     --------
