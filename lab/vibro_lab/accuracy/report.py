@@ -69,7 +69,7 @@ def use_in_words(row: Row) -> str:
 def advice(rows: Sequence[Row]) -> dict[str, str]:
     """Return for each requirement the programs that meet it in a scene, the cheapest first, or why none does."""
     comparable = lyapunov_time_in(rows).comparable
-    return {asked.words: _advice(rows, asked, comparable) for asked in REQUIREMENTS} | {
+    return {requirement.words: _advice(rows, requirement, comparable) for requirement in REQUIREMENTS} | {
         MEAN_SPEED: _mean_speed_advice(rows)}
 
 

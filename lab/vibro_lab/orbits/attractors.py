@@ -192,8 +192,8 @@ def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
     free_map = TurnMap(turn_map.scene, phase)
     state = at_cut(turn_map, attractor.states[-1], free_map)
     try:
-        closed = fixed_point(free_map, state, attractor.turns or 1)
-        orbit = closed and orbit_at(free_map, closed, attractor.turns or 1)
+        point = fixed_point(free_map, state, attractor.turns or 1)
+        orbit = point and orbit_at(free_map, point, attractor.turns or 1)
     except (SimulationError, ValueError):
         orbit = None
     if orbit and abs(orbit.mean_speed - attractor.mean_speed) <= _SAME_SPEED * abs(attractor.mean_speed) + 1e-9:

@@ -227,8 +227,8 @@ class Closing:
     def _begins_at(self, family: Family) -> list[np.ndarray]:
         """Unknowns of the first orbit at the cut of a family, on each of its turns."""
         if family is not self._family:
-            there, (unknowns,) = self._start.family.recut(family.phase, [self._start.unknowns])
-            self._family, self._begins = family, there.starts_along(unknowns)
+            recut_family, (unknowns,) = self._start.family.recut(family.phase, [self._start.unknowns])
+            self._family, self._begins = family, recut_family.starts_along(unknowns)
         return self._begins
 
 

@@ -106,12 +106,12 @@ def _well_cut(point: BranchPoint) -> BranchPoint:
         return point
     family, (start, ahead) = point.family.recut(point.passage.best, [
         point.unknowns, point.unknowns + settings.direction_arc * point.tangent])
-    along = (ahead - start) / np.linalg.norm(ahead - start)
+    direction = (ahead - start) / np.linalg.norm(ahead - start)
     try:
-        unknowns, _ = corrected_orbit(family, start, along)
+        unknowns, _ = corrected_orbit(family, start, direction)
     except LostError:
         return point
-    return point_at(family, unknowns, along)
+    return point_at(family, unknowns, direction)
 
 
 def locate_zero(first: BranchPoint, second: BranchPoint, test: Callable[[BranchPoint], float],
@@ -160,17 +160,17 @@ def point_before_edge(point: BranchPoint, step: float) -> BranchPoint | None:
     try:
         for _ in range(settings.most_rounds):
             unknowns, width = _last_of_side(low, far)
-            ahead = unknowns + max(settings.beyond_arc, 10.0 * width) * low.tangent
-            apart = float(np.linalg.norm(unknowns - low.unknowns))
-            if not same_order(family.order(ahead), low.passage.order):
-                near_edge = unknowns - min(settings.before_arc, 0.5 * apart) * low.tangent
+            probe = unknowns + max(settings.beyond_arc, 10.0 * width) * low.tangent
+            distance = float(np.linalg.norm(unknowns - low.unknowns))
+            if not same_order(family.order(probe), low.passage.order):
+                near_edge = unknowns - min(settings.before_arc, 0.5 * distance) * low.tangent
                 side = point_at(family, near_edge, low.tangent, settings.before_arc)
                 return replace(side, unknowns=unknowns, passage=family.passage(unknowns),
                                mean_speed=family.mean_speed(unknowns), width=family.span(abs(width * low.tangent[-1])))
-            if apart == 0.0:
+            if distance == 0.0:
                 return None
             # The order ahead is the same: the search failed because the derivative at `low` was too old.
-            low, far = point_at(family, unknowns, low.tangent, far), far - apart
+            low, far = point_at(family, unknowns, low.tangent, far), far - distance
     except (LostError, SimulationError, ValueError):
         pass
     return None
@@ -185,23 +185,23 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
     held = ~family.free(low.unknowns)[:-1]
     inverse = np.linalg.pinv(np.vstack([family.jacobian(low.unknowns, far), low.tangent]))
 
-    def ahead(guess: np.ndarray) -> np.ndarray | None:
-        at, last_size = guess.copy(), np.inf
+    def closed_orbit(guess: np.ndarray) -> np.ndarray | None:
+        unknowns, last_size = guess.copy(), np.inf
         for _ in range(settings.most_chords):
-            residual = family.residual(at)
+            residual = family.residual(unknowns)
             residual[held] = 0.0
             size = float(np.abs(residual).max())
             if size <= 0.1 * CLOSED or size >= 0.7 * last_size:
                 break
-            at, last_size = at - inverse @ np.append(residual, low.tangent @ (at - guess)), size
-        closes = size <= CLOSED and same_order(family.order(at), low.passage.order)
-        return at if closes else None
+            unknowns, last_size = unknowns - inverse @ np.append(residual, low.tangent @ (unknowns - guess)), size
+        closes = size <= CLOSED and same_order(family.order(unknowns), low.passage.order)
+        return unknowns if closes else None
 
     near, last = 0.0, low.unknowns
     while far - near > settings.edge_arc:
         middle = 0.5 * (near + far)
         try:
-            orbit = ahead(last + (middle - near) * low.tangent)
+            orbit = closed_orbit(last + (middle - near) * low.tangent)
         except (SimulationError, ValueError):
             orbit = None
         if orbit is None:
@@ -241,14 +241,14 @@ def point_beyond_edge(edge: BranchPoint) -> BranchPoint:
 def _direction(family: Family, edge: BranchPoint, probe: float) -> np.ndarray | None:
     """Direction of the branch on the other side, pointing into that side if known; None if `probe` does not reach it.
     """
-    there = edge.unknowns + probe * edge.tangent
-    if same_order(family.order(there), edge.passage.order):
+    probe_point = edge.unknowns + probe * edge.tangent
+    if same_order(family.order(probe_point), edge.passage.order):
         return None
-    *_, rows = np.linalg.svd(family.jacobian(there, probe))
-    along: np.ndarray = rows[-1] if rows[-1] @ edge.tangent >= 0.0 else -rows[-1]
-    sides = [same_order(family.order(edge.unknowns + sign * probe * along), edge.passage.order)
+    *_, rows = np.linalg.svd(family.jacobian(probe_point, probe))
+    direction: np.ndarray = rows[-1] if rows[-1] @ edge.tangent >= 0.0 else -rows[-1]
+    sides = [same_order(family.order(edge.unknowns + sign * probe * direction), edge.passage.order)
              for sign in (1.0, -1.0)]
-    return -along if sides == [True, False] else along
+    return -direction if sides == [True, False] else direction
 
 
 def _entered(edge: BranchPoint, direction: np.ndarray, arc: float, depth: float) -> BranchPoint | None:

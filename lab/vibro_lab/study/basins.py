@@ -85,9 +85,9 @@ class BasinDesign:
 
     def start(self, number: int) -> dict[str, float]:
         """Arguments of `Simulator.set_state` for a start by its number."""
-        places = divmod(number, self.over[1].count)
-        return {coordinate.name: float(coordinate.values[place])
-                for coordinate, place in zip(self.over, places, strict=True)}
+        indices = divmod(number, self.over[1].count)
+        return {coordinate.name: float(coordinate.values[index])
+                for coordinate, index in zip(self.over, indices, strict=True)}
 
     def document(self) -> dict:
         """Everything that determines the results, for JSON."""
@@ -99,10 +99,10 @@ class BasinDesign:
 def coordinate_in_words(scene: Scene, text: str) -> StartCoordinate:
     """Parse a coordinate from ``NAME=LOW:HIGH:COUNT``."""
     name, _, values = text.partition("=")
-    known = (*state_names(scene), _ANGLE)
-    if name not in known:
+    names = (*state_names(scene), _ANGLE)
+    if name not in names:
         raise ValueError(f"--over {name or repr(name)}: is no coordinate of this scene's start; give one of "
-                         f"{', '.join(known)}")
+                         f"{', '.join(names)}")
     low, high, count = limits_in_words(f"--over {name}", values)
     if not count:
         raise ValueError(f"--over {text}: give NAME=LOW:HIGH:COUNT; for random starts use vibro_lab.attractors")
@@ -119,17 +119,18 @@ def grid_of(scene: Scene, words: Sequence[str], default_count: int) -> tuple[Sta
     The default range of a velocity is one unit of the machine, crank radius times motor speed, either way.
     """
     if words:
-        over = [coordinate_in_words(scene, text) for text in words]
+        coordinates = [coordinate_in_words(scene, text) for text in words]
     else:
         reach = scene["crank.radius"] * crank_speed(scene)
         velocity = next((name for name in state_names(scene) if name.endswith("velocity")), "body_velocity")
-        over = [StartCoordinate(velocity, -reach, reach, default_count),
+        coordinates = [StartCoordinate(velocity, -reach, reach, default_count),
                 StartCoordinate(_ANGLE, 0.0, TURN, default_count)]
-    if len(over) != 2 or over[0].name == over[1].name:
-        raise ValueError(f"--over: {', '.join(coordinate.name for coordinate in over)}; give two different coordinates")
-    if (cells := over[0].count * over[1].count) > MOST_STARTS:
+    if len(coordinates) != 2 or coordinates[0].name == coordinates[1].name:
+        names = ", ".join(coordinate.name for coordinate in coordinates)
+        raise ValueError(f"--over: {names}; give two different coordinates")
+    if (cells := coordinates[0].count * coordinates[1].count) > MOST_STARTS:
         raise ValueError(f"--over: {cells} starts are more than {MOST_STARTS}; give smaller counts")
-    return over[0], over[1]
+    return coordinates[0], coordinates[1]
 
 
 NO_START = "no such start: "
@@ -252,10 +253,10 @@ _SHOWN = 12  # largest number of motions that are printed
 
 def in_words(design: BasinDesign, table: pa.Table, basins: Basins) -> list[str]:
     """Return the results as lines of text."""
-    over = ", ".join(f"{coordinate.name} {coordinate.low:g} to {coordinate.high:g} {coordinate.unit}"
+    grid = ", ".join(f"{coordinate.name} {coordinate.low:g} to {coordinate.high:g} {coordinate.unit}"
                      for coordinate in design.over)
     watched = float(np.mean(table["after"].to_numpy()))
-    lines = [f"{design.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
+    lines = [f"{design.count} starts over {grid}; watched for {watched:.1f} turns on average, cut at "
              f"{design.phase:.4f} rad"]
     for number, attractor in enumerate(basins.attractors[:_SHOWN], 1):
         lines.append(f"motion {number}: {attractor.in_words()}; {attractor.starts} "
@@ -264,12 +265,12 @@ def in_words(design: BasinDesign, table: pa.Table, basins: Basins) -> list[str]:
                      f"{_stability_in_words(design.scene, attractor)}")
     if len(basins.attractors) > _SHOWN:
         lines.append(f"{len(basins.attractors) - _SHOWN} more motions; without losses every start has one of its own")
-    for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
+    for number, outcome in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
                          (OTHER, f"starts have other motions than the first {MOST_ATTRACTORS}"),
                          (IMPOSSIBLE, "starts cannot be, or could not go on")):
         if count := int(np.sum(basins.numbers == number)):
             reason = next(text for text in table["error"].to_pylist() if text) if number == IMPOSSIBLE else ""
-            lines.append(f"{count} {what}{f', such as: {reason}' if reason else ''}")
+            lines.append(f"{count} {outcome}{f', such as: {reason}' if reason else ''}")
     return lines
 
 
@@ -292,8 +293,8 @@ def draw_basins(design: BasinDesign, basins: Basins) -> bytes:
     """Draw the motion that each start of the grid leads to; returns a PNG file."""
     figure, (first, second) = figures.new_figure(9.0, 5.0), design.over
     axes, kinds = figure.subplots(), np.unique(basins.numbers)
-    places = np.searchsorted(kinds, basins.numbers).reshape(first.count, second.count)
-    figures.draw_classes(axes, second.values, first.values, places, [_colour(int(number)) for number in kinds])
+    classes = np.searchsorted(kinds, basins.numbers).reshape(first.count, second.count)
+    figures.draw_classes(axes, second.values, first.values, classes, [_colour(int(number)) for number in kinds])
     axes.set(xlabel=figures.with_unit(second.name, second.unit), ylabel=figures.with_unit(first.name, first.unit))
     figures.set_heading(figure, f"{design.scene.name} at {command_in_words(design.scene)}: where {design.count} "
                         "starts lead")
@@ -308,14 +309,14 @@ def _colour(number: int) -> str:
 
 
 def _legend(basins: Basins) -> list[figures.Patch]:
-    shown = [figures.Patch(color=_colour(number), label=f"{number}: {attractor.in_words()}, "
+    patches = [figures.Patch(color=_colour(number), label=f"{number}: {attractor.in_words()}, "
                            f"{100.0 * attractor.share:.3g} % of the starts")
              for number, attractor in enumerate(basins.attractors[:len(figures.PALETTE)], 1)]
     if np.isin(basins.numbers, (UNSETTLED, OTHER)).any():
-        shown.append(figures.Patch(color=_GREY, label="not settled, or another motion"))
+        patches.append(figures.Patch(color=_GREY, label="not settled, or another motion"))
     if np.any(basins.numbers == IMPOSSIBLE):
-        shown.append(figures.Patch(facecolor=_WHITE, edgecolor="black", label="cannot start"))
-    return shown
+        patches.append(figures.Patch(facecolor=_WHITE, edgecolor="black", label="cannot start"))
+    return patches
 
 
 def _results(design: BasinDesign, folder: Path, execution: Execution) -> Iterator[Results]:
@@ -331,9 +332,9 @@ def _results(design: BasinDesign, folder: Path, execution: Execution) -> Iterato
 
 def _design(options: argparse.Namespace) -> BasinDesign:
     scene = running(machine_of(options))
-    over = grid_of(scene, options.over, _QUICK_COUNT if options.quick else _COUNT)
+    coordinates = grid_of(scene, options.over, _QUICK_COUNT if options.quick else _COUNT)
     phase = Stroboscope(free_cut(scene)).turn_map.phase  # after the options: it simulates; refuses a scene at rest
-    return BasinDesign(scene, phase, over, options.turns, options.most_turns)
+    return BasinDesign(scene, phase, coordinates, options.turns, options.most_turns)
 
 
 def _add_options(parser: Parser) -> None:

@@ -148,8 +148,8 @@ def visit_table(design: DiagramDesign, folder: Path) -> tuple[pa.Table, tuple[Vi
     study = Study("values", design.document(), fields, lambda number: [], 0.0, design.visits, _BLOCK)
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, visits)
-    whole = pa.concat_tables([tables[block] for block in blocks])
-    return whole, tuple(_visits_in(design, whole))
+    table = pa.concat_tables([tables[block] for block in blocks])
+    return table, tuple(_visits_in(design, table))
 
 
 def _visit(design: DiagramDesign, number: int, begin_state: np.ndarray | None) -> VisitedValue:
@@ -181,10 +181,10 @@ def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
 
 def _rows_of(design: DiagramDesign, visit: VisitedValue) -> list[dict]:
     """Return the rows of a visit, one for each state."""
-    about = {"visit": visit.number, "direction": design.direction(visit.number),
+    cells = {"visit": visit.number, "direction": design.direction(visit.number),
              design.axis.name: design.value(visit.number), "period": visit.motion.turns, "settled": visit.settled,
              "after": visit.motion.after, "mean_speed": visit.motion.mean_speed}
-    return [{**about, "cut": cut, **dict(zip(design.names, state, strict=True))}
+    return [{**cells, "cut": cut, **dict(zip(design.names, state, strict=True))}
             for cut, state in enumerate(visit.states.tolist())]
 
 

@@ -150,40 +150,41 @@ def device_at_start(scene: Scene, start: int | None) -> Simulator:
     return Simulator(scene) if start is None else drawn_start(scene, start)
 
 
-def observe(scene: Scene, wanted: Collection[str], settling: float, duration: float, start: int | None) -> Observation:
-    """Run `scene` once and gather the `wanted` data: any of `WORK`, `REST`, `LOAD`, `MOTION`; times [s] as in `window`.
+def observe(scene: Scene, requested: Collection[str], settling: float, duration: float, start: int | None
+            ) -> Observation:
+    """Run `scene` once and gather the `requested` data, any of `WORK`, `REST`, `LOAD`, `MOTION`; times as in `window`.
     """
     exact = scene["solver.method"] == "exact"
-    accounts = WORK in wanted and exact
+    accounts = WORK in requested and exact
     device = device_at_start(scene.with_parameters({"solver.accounts": True}) if accounts else scene, start)
     device.advance_to(settling)
     if not (scene.has_rotor and exact):
-        return observed(device, wanted, window(scene, settling, duration))
+        return observed(device, requested, window(scene, settling, duration))
     checkpoint = device.checkpoint()
     measured = _window_of_dc_motor(device, duration)
     device.restore(checkpoint)
-    return observed(device, wanted, measured)
+    return observed(device, requested, measured)
 
 
-def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Observation:
-    """Advance a device from the first instant of a measuring time to its end, and gather the `wanted` data.
+def observed(device: Simulator, requested: Collection[str], measured: Window) -> Observation:
+    """Advance a device from the first instant of a measuring time to its end, and gather the `requested` data.
 
     The work is that of its `solver.accounts`.
     """
     device.take_events()
     scene, begin_state = device.scene, device.state
-    checkpoint = device.checkpoint() if {REST, LOAD} & set(wanted) else None
-    accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
+    checkpoint = device.checkpoint() if {REST, LOAD} & set(requested) else None
+    accounts = WORK in requested and scene["solver.accounts"] and scene["solver.method"] == "exact"
     earlier = _account_energies(device) if accounts else np.full(4, math.nan)
     steady = bool(measured.ends) or begin_state.motor_speed == scene["motor.speed"] != 0.0
-    cuts, drift = _cuts(device, measured) if MOTION in wanted and steady else (None, math.nan)
+    cuts, drift = _cuts(device, measured) if MOTION in requested and steady else (None, math.nan)
     device.advance_to(measured.end)
     end_state, events = device.state, device.take_events()
     delivered, taken_back, supplied, heated = (_account_energies(device) - earlier if accounts else earlier).tolist()
-    standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, begin_state, events,
+    standing, airborne = standing_and_airborne(device, checkpoint if REST in requested else None, begin_state, events,
                                                measured.end)
     mean_load = unloaded_share = math.nan
-    if LOAD in wanted and checkpoint is not None:
+    if LOAD in requested and checkpoint is not None:
         device.restore(checkpoint)
         mean_load, unloaded_share = loads_of(device, measured)
     return Observation(

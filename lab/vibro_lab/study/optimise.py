@@ -289,12 +289,12 @@ def front_of(plan: SearchPlan, candidates: Candidates, execution: Execution) -> 
 
 def non_dominated(pairs: np.ndarray) -> list[int]:
     """Indices of the pairs (speed, cost) that no other dominates, the slowest first, with speed > 0 and finite cost."""
-    kept, cheapest = list[int](), math.inf
+    indices, cheapest = list[int](), math.inf
     for index in sorted(range(len(pairs)), key=lambda k: (-pairs[k][0], pairs[k][1])):
         if pairs[index][0] > 0.0 and pairs[index][1] < cheapest:
-            kept.append(index)
+            indices.append(index)
             cheapest = pairs[index][1]
-    return kept[::-1]
+    return indices[::-1]
 
 
 def readings(scene: Scene) -> dict[str, Scene]:
@@ -404,9 +404,9 @@ class Result:
 
     def numbers(self) -> bytes:
         """Return all results as JSON, in SI units; numbers that are not finite are null."""
-        whole = {"robots": len(self.candidates.points), "optimum": self.plan.parameters(self.point),
+        document = {"robots": len(self.candidates.points), "optimum": self.plan.parameters(self.point),
                  "verified": self.rows, "front": self.front}
-        return (json.dumps(finite(whole), indent=1, allow_nan=False) + "\n").encode()
+        return (json.dumps(finite(document), indent=1, allow_nan=False) + "\n").encode()
 
     def table(self) -> bytes:
         """Return a Parquet file with a row for each robot that was tried and each of its starts, in their order."""
@@ -415,8 +415,8 @@ class Result:
                   *(Field(name, pa.float64(), MEASURES[name].unit or "1", "NaN for a robot that cannot go on")
                     for name in MEASURED)]
         return file_of(table_of([
-            {"robot": place, **self.plan.parameters(point), **dict(zip(MEASURED, start, strict=True))}
-            for place, (point, values) in enumerate(zip(*self.candidates, strict=True)) for start in values.tolist()],
+            {"robot": number, **self.plan.parameters(point), **dict(zip(MEASURED, start, strict=True))}
+            for number, (point, values) in enumerate(zip(*self.candidates, strict=True)) for start in values.tolist()],
             fields))
 
     @figures.default_settings()
@@ -427,10 +427,10 @@ class Result:
         pairs = [self.plan.speed_and_cost(*robot) for robot in zip(*self.candidates, strict=True)]
         best = [(abs(row["speed"]["mean"]), row["cost"]) for row in self.rows
                 if row["reading"] == self.rows[0]["reading"] and row["cost"] > 0.0]
-        for shown, style, size, colour, label in (
+        for points, style, size, colour, label in (
                 (pairs, ".", 5.0, figures.SKY, "a robot of the search"), (best, "*", 9.0, figures.VERMILION, "optimum"),
                 ([(robot["speed"], robot["cost"]) for robot in self.front], "-o", 3.0, figures.BLACK, "front")):
-            drawn = np.array([pair for pair in shown if pair[0] > 1e-4 and math.isfinite(pair[1])]).reshape(-1, 2)
+            drawn = np.array([pair for pair in points if pair[0] > 1e-4 and math.isfinite(pair[1])]).reshape(-1, 2)
             axes.plot(1e3 * drawn[:, 0], drawn[:, 1], style, ms=size, color=colour, label=label)
         axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel="cost of transport P / (M g V)")
         axes.legend(frameon=False)
@@ -454,24 +454,24 @@ def _results(plan: SearchPlan, folder: Path, execution: Execution) -> Iterator[R
 def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Range, ...]:
     """Return `VARIABLES` without the fixed ones, and with the bounds of the options `--vary` (ValueError)."""
     variables = {variable.name: variable for variable in VARIABLES}
-    ranges = {over.name: over for over in map(varied_in_words, words)}
+    ranges = {varied.name: varied for varied in map(varied_in_words, words)}
     for option, name in [*(("--fix", name) for name in fixed), *(("--vary", name) for name in ranges)]:
         if name not in variables:
             parameter_named(name, PARAMETERS)
             raise ValueError(f"{option} {name}: is not among the paper's parameters of F_opt, which are "
                              f"{', '.join(variables)}; write it into a scene file")
-    for word, (name, over) in zip(words, ranges.items(), strict=True):
-        if not isinstance(over, Range) or over.log:
+    for word, (name, varied) in zip(words, ranges.items(), strict=True):
+        if not isinstance(varied, Range) or varied.log:
             raise ValueError(f"--vary {word}: give NAME=LOW:HIGH, such as crank.radius=0.01:0.03")
         if name in fixed:
             raise ValueError(f"--vary {name}: is fixed as well; leave out --fix or --vary")
-        if variables[name].log and over.low <= 0.0:
+        if variables[name].log and varied.low <= 0.0:
             raise ValueError(f"--vary {word}: is varied in equal ratios; give bounds above 0 {PARAMETERS[name].unit}")
-        variables[name] = replace(variables[name], low=over.low, high=over.high)
-    kept = tuple(variable for name, variable in variables.items() if name not in fixed)
-    if not kept:
+        variables[name] = replace(variables[name], low=varied.low, high=varied.high)
+    chosen = tuple(variable for name, variable in variables.items() if name not in fixed)
+    if not chosen:
         raise ValueError("--fix: nothing is left to vary; fix fewer parameters")
-    return kept
+    return chosen
 
 
 def plan_of(options: argparse.Namespace) -> SearchPlan:

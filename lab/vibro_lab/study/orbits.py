@@ -176,24 +176,25 @@ _SAME_DOUBLING = 1e-6  # share of the range within which period doublings of two
 _JOINING_SHARE = 0.05
 
 
-Done = list[tuple[BranchTask, Branch]]
-"""Branches with their tasks; the index is a branch's number."""
+FollowedBranches = list[tuple[BranchTask, Branch]]
+"""Tasks and their branches; the index is a branch's number."""
 
 
-def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> Done:
+def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> FollowedBranches:
     """Return every branch of a plan with its task, stored in a folder into which no other process writes."""
     check_folder(study_of(plan, {}), folder)  # refuses files of another study before the search
-    done: Done = []
+    followed: FollowedBranches = []
     for value, seeds in zip(plan.begin, _searched_seeds(plan, execution), strict=True):
         for seed in seeds:
             family = plan.family(seed.turns, seed.phase)
-            if not any(lies_on(family, seed, value, branch) for _, branch in done):
-                done += _followed(plan, [BranchTask(direction, seed.turns, seed.phase, seed.state, value, None)
-                                         for direction in (UP, DOWN)], len(done), folder, execution)
+            if not any(lies_on(family, seed, value, branch) for _, branch in followed):
+                tasks = [BranchTask(direction, seed.turns, seed.phase, seed.state, value, None)
+                         for direction in (UP, DOWN)]
+                followed += _followed(plan, tasks, len(followed), folder, execution)
     examined: set[tuple[int, int]] = set()
-    while tasks := _doublings(plan, done, examined):
-        done += _followed(plan, tasks, len(done), folder, execution)
-    return done
+    while tasks := _doublings(plan, followed, examined):
+        followed += _followed(plan, tasks, len(followed), folder, execution)
+    return followed
 
 
 def _searched_seeds(plan: BranchPlan, execution: Execution) -> list[list[Seed]]:
@@ -207,7 +208,8 @@ def _searched_seeds(plan: BranchPlan, execution: Execution) -> list[list[Seed]]:
     return seeds_of_values
 
 
-def _followed(plan: BranchPlan, tasks: Sequence[BranchTask], first: int, folder: Path, execution: Execution) -> Done:
+def _followed(plan: BranchPlan, tasks: Sequence[BranchTask], first: int, folder: Path, execution: Execution
+              ) -> FollowedBranches:
     """Return the branches of some tasks, which are numbered from `first` on; stored ones are read."""
     numbered = dict(enumerate(tasks, first))
     if max(numbered) >= MOST_BRANCHES:
@@ -225,13 +227,13 @@ def _followed(plan: BranchPlan, tasks: Sequence[BranchTask], first: int, folder:
     return [(task, branch_in(tables[number], plan.scene, plan.name)) for number, task in numbered.items()]
 
 
-def _doublings(plan: BranchPlan, done: Done, examined: set[tuple[int, int]]) -> list[BranchTask]:
+def _doublings(plan: BranchPlan, followed: FollowedBranches, examined: set[tuple[int, int]]) -> list[BranchTask]:
     """Return tasks for the first period doubling of each branch whose branch of doubled period is not known yet.
 
     `examined` has the numbers of the branches and special points that were examined before; new ones are added.
     """
     tasks, span = list[BranchTask](), plan.high - plan.low
-    for parent, (_, branch) in enumerate(done):
+    for parent, (_, branch) in enumerate(followed):
         if 2 * branch.turns > plan.turns:
             continue
         for number, special in enumerate(branch.special_points):
@@ -240,9 +242,9 @@ def _doublings(plan: BranchPlan, done: Done, examined: set[tuple[int, int]]) -> 
             examined.add((parent, number))
             is_known = any(task.direction == DOUBLED and task.turns == branch.turns
                            and abs(task.value - special.value) < _SAME_DOUBLING * span
-                           for task in (*tasks, *(task for task, _ in done)))
+                           for task in (*tasks, *(task for task, _ in followed)))
             ends_there = any(other.turns == 2 * branch.turns and other.end.startswith("joins")
-                             and abs(other.values[-1] - special.value) < _JOINING_SHARE * span for _, other in done)
+                             and abs(other.values[-1] - special.value) < _JOINING_SHARE * span for _, other in followed)
             if not (is_known or ends_there):
                 tasks.append(BranchTask(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
                 break
@@ -253,22 +255,22 @@ LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
 """First letter of a special point's name in picture and files, by its kind."""
 
 
-def special_points_of(done: Done) -> Iterator[tuple[int, Branch, str, Special]]:
+def special_points_of(followed: FollowedBranches) -> Iterator[tuple[int, Branch, str, Special]]:
     """Yield each special point with the number of its branch, the branch, and its name.
 
     The name is the letter of its kind and a number, counted over all branches.
     """
     counts = dict.fromkeys(LETTERS, 0)
-    for number, (_, branch) in enumerate(done):
+    for number, (_, branch) in enumerate(followed):
         for special in branch.special_points:
             counts[special.kind] += 1
             yield number, branch, f"{LETTERS[special.kind]}{counts[special.kind]}", special
 
 
-def in_words(done: Done) -> Iterator[str]:
+def in_words(followed: FollowedBranches) -> Iterator[str]:
     """Yield one line of text for each branch."""
-    named_points = list(special_points_of(done))
-    for number, (task, branch) in enumerate(done):
+    named_points = list(special_points_of(followed))
+    for number, (task, branch) in enumerate(followed):
         special = ", ".join(f"{name} {point.kind} at {point.value:.9g}" for of_branch, _, name, point in named_points
                             if of_branch == number and point.kind != CORNER)
         stable = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in stable_ranges(branch))
@@ -297,9 +299,9 @@ _CELLS = 50.0  # cells along each axis of a panel; special points of one cell sh
 
 
 @figures.default_settings()
-def draw_orbits(plan: BranchPlan, done: Done) -> bytes:
+def draw_orbits(plan: BranchPlan, followed: FollowedBranches) -> bytes:
     """Draw all branches; returns a PNG file."""
-    figure, branches = figures.new_figure(9.0, 8.4), [branch for _, branch in done]
+    figure, branches = figures.new_figure(9.0, 8.4), [branch for _, branch in followed]
     upper, lower = figure.subplots(2, 1, sharex=True)
     coordinate = next((name for name in ("inclined_position", "upper_position")
                        if any(name in branch.strobe for branch in branches)), None)
@@ -309,7 +311,7 @@ def draw_orbits(plan: BranchPlan, done: Done) -> bytes:
             _draw_line(lower, branch, 1e3 * branch.strobe[coordinate])
     lower.set_xlim(plan.low, plan.high)
     labels = list[tuple[str, float, float]]()
-    for _, branch, name, special in special_points_of(done):
+    for _, branch, name, special in special_points_of(followed):
         mark, size = MARKS[special.kind]
         speed, colour = 1e3 * special.mean_speed, _COLOURS.get(branch.turns, _COLOURS[0])
         if special.kind == CORNER:
@@ -331,8 +333,8 @@ def draw_orbits(plan: BranchPlan, done: Done) -> bytes:
 def _draw_line(axes: figures.Axes, branch: Branch, values: np.ndarray) -> None:
     """Draw a branch: solid between two stable neighbours, dashed if one of them is unstable."""
     colour, stable = _COLOURS.get(branch.turns, _COLOURS[0]), branch.stable
-    both = stable[1:] & stable[:-1]
-    for chosen, style in ((np.flatnonzero(both), "-"), (np.flatnonzero(~both), (0, (3.0, 1.5)))):
+    is_stable = stable[1:] & stable[:-1]
+    for chosen, style in ((np.flatnonzero(is_stable), "-"), (np.flatnonzero(~is_stable), (0, (3.0, 1.5)))):
         for run in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
             if len(run):
                 part = slice(run[0], run[-1] + 2)
@@ -360,8 +362,8 @@ def _legend(branches: Sequence[Branch]) -> list[figures.Line2D]:
 
 
 def _results(plan: BranchPlan, folder: Path, execution: Execution) -> Iterator[Results]:
-    done = followed_branches(plan, folder / FOLDER, execution)
-    yield Results(_files(plan, done), list(in_words(done)) or [
+    followed = followed_branches(plan, folder / FOLDER, execution)
+    yield Results(_files(plan, followed), list(in_words(followed)) or [
         "no orbit was found; give more --starts, --turns, or another --from"])
 
 
@@ -370,39 +372,42 @@ def plan_of(options: argparse.Namespace) -> BranchPlan:
     vary = options.vary or (_QUICK_VARY if options.quick else None)
     if vary is None:
         raise ValueError("--vary: is missing; give NAME=LOW:HIGH, such as motor.speed=60:130")
-    over = varied_in_words(vary)
-    if not isinstance(over, Range) or over.log:
+    varied = varied_in_words(vary)
+    if not isinstance(varied, Range) or varied.log:
         raise ValueError(f"--vary {vary}: is no range; give NAME=LOW:HIGH, such as motor.speed=60:130")
-    name, scene = over.name, running(machine_of(options))
+    name, scene = varied.name, running(machine_of(options))
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']!r} is not exact to rounding, which derivatives of "
                          "orbits need; leave it at 'exact'")
-    given = tuple(cast(float, PARAMETERS[name].checked(read_scalar(word))) for word in options.begin)
-    begin = given or ((_QUICK_FROM,) if options.quick and not options.vary else
-                      tuple(over.at(np.array([0.25, 0.5, 0.75])).tolist()))
+    begin = tuple(cast(float, PARAMETERS[name].checked(read_scalar(word))) for word in options.begin)
+    if not begin:
+        is_quick = options.quick and not options.vary
+        begin = (_QUICK_FROM,) if is_quick else tuple(varied.at(np.array([0.25, 0.5, 0.75])).tolist())
     for value in begin:
-        if not over.low <= value <= over.high:
-            raise ValueError(f"--from {value:g}: is not from {over.low:g} to {over.high:g}; give a value of the range")
+        if not varied.low <= value <= varied.high:
+            raise ValueError(f"--from {value:g}: is not from {varied.low:g} to {varied.high:g}; give a value of the "
+                             "range")
         TurnMap(scene.with_parameters({name: value}))  # refuses a crank that stands
     turns, starts, points = (
         whole_number(f"--{key}", (quick if options.quick else usual) if getattr(options, key) is None else
                      getattr(options, key), least, most) for key, (usual, quick, least, most) in _COUNTS.items())
-    plan = BranchPlan(scene.with_parameters({name: begin[0]}), name, over.low, over.high, begin, turns, starts, points)
+    plan = BranchPlan(scene.with_parameters({name: begin[0]}), name, varied.low, varied.high, begin, turns, starts,
+                      points)
     plan.family(1, 0.0)  # refuses a range that the scene refuses
     return plan
 
 
-def _files(plan: BranchPlan, done: Done) -> dict[str, bytes]:
+def _files(plan: BranchPlan, followed: FollowedBranches) -> dict[str, bytes]:
     """Contents of tables, text and picture by file name; no tables without a branch."""
-    names = iter([name for _, _, name, _ in special_points_of(done)])
+    names = iter([name for _, _, name, _ in special_points_of(followed)])
     rows = [{"branch": number, "name": next(names) if "kind" in row else None, **row}
-            for number, (_, branch) in enumerate(done) for row in rows_of(branch) if len(branch)]
+            for number, (_, branch) in enumerate(followed) for row in rows_of(branch) if len(branch)]
     files = {}
     if rows:
         files = {BRANCHES: file_of(table_of(rows, [
             Field("branch", pa.int64(), "1", "number of the branch"),
             Field("name", pa.string(), "1", "of a special point, as in the picture", True), *fields_of(plan)]))}
-    return {**files, PICTURE: draw_orbits(plan, done)}
+    return {**files, PICTURE: draw_orbits(plan, followed)}
 
 
 def _add_options(parser: Parser) -> None:

@@ -248,8 +248,8 @@ class Estimator:
         mean = self._weights @ values
         variance = self._weights @ (values - mean)**2
         variance[INDEX["body_position"]] += self._weights @ self._offsets.variance["body_position"]
-        shown = self._speed_errors.variances(float(mean[INDEX["motor_speed"]]), *self._place_offset())
-        for place, speed, least_variance in zip(PLACES, SPEEDS, shown, strict=True):
+        shown_variances = self._speed_errors.variances(float(mean[INDEX["motor_speed"]]), *self._place_offset())
+        for place, speed, least_variance in zip(PLACES, SPEEDS, shown_variances, strict=True):
             variance[INDEX[place]] += self._settings.least_place_deviation**2
             variance[INDEX[speed]] = max(variance[INDEX[speed]], least_variance)
             variance[INDEX[speed]] += self._settings.least_speed_deviation**2
@@ -387,19 +387,19 @@ class Estimator:
 
         `mean` and `deviation` are those of the logarithms of the free parameters, `scatter` those of the state.
         """
-        copies, seen, kept_share = list[Particle](), set[int](), 1.0 - self._settings.forgetting
+        copies, copied, kept_share = list[Particle](), set[int](), 1.0 - self._settings.forgetting
         fresh = logs[chosen]
         for k, i in enumerate(chosen.tolist()):
             scene = particles[i].scene
-            if i in seen and self._free:
+            if i in copied and self._free:
                 noise = math.sqrt(1.0 - kept_share**2) * deviation * self._random.standard_normal(len(mean))
                 drawn = mean + kept_share * (logs[i] - mean) + noise
                 try:
                     scene, fresh[k] = self._with(drawn), drawn
                 except ValueError:  # beyond a limit
                     pass
-            copies.append(self._varied(particles[i], scene, scatter) if i in seen else particles[i])
-            seen.add(i)
+            copies.append(self._varied(particles[i], scene, scatter) if i in copied else particles[i])
+            copied.add(i)
         self._particles, self._log_parameters = copies, fresh
         self._weights = np.full(self._count, 1.0 / self._count)
 
@@ -467,8 +467,8 @@ class Estimator:
         plates = [fault for fault in others if fault.fault == "plate_stuck" and since_gap]
         others = [fault for fault in others if fault.fault != "plate_stuck" and is_unusual]
         others += [end] if end and is_unusual else []
-        candidates = {back: [*(plates if back >= since_gap else []), *(others if back in instants else [])]
-                      for back in {*instants, since_gap}}  # a stuck plate shows from its command on
+        candidates = {ago: [*(plates if ago >= since_gap else []), *(others if ago in instants else [])]
+                      for ago in {*instants, since_gap}}  # a stuck plate shows from its command on
         explanation = most_likely_change(list(self._history), self._bandwidth, self._settings, end, candidates)
         if explanation is None:
             return False

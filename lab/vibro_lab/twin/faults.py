@@ -95,13 +95,13 @@ def most_likely_change(steps: Sequence[FilterStep], bandwidth: float, settings: 
     and is preferred to others that fit nearly as well, because a fault that has no effect yet fits as well.
     """
     replays = dict[Incident, Replay]()
-    for back, changes in sorted(candidates.items()):
-        if not changes or not 0 < back <= len(steps):
+    for steps_ago, changes in sorted(candidates.items()):
+        if not changes or not 0 < steps_ago <= len(steps):
             continue
-        unchanged = Replay(steps[-back:], bandwidth, settings, ()).gain
+        unchanged = Replay(steps[-steps_ago:], bandwidth, settings, ()).gain
         for change in changes:
             try:
-                replay = Replay(steps[-back:], bandwidth, settings,
+                replay = Replay(steps[-steps_ago:], bandwidth, settings,
                                 (end, change) if end and change != end else (change,))
             except ValueError:  # a fault that the device cannot have now
                 continue
@@ -149,5 +149,5 @@ def possible_faults(scene: Scene) -> list[Incident]:
 
 def fault_in_words(fault: Incident) -> str:
     """Return a fault in words, such as `plate_stuck of upper`."""
-    about = f" of {fault.of}" * bool(fault.of) + f" of about {fault.value:.2g}" * bool(fault.value)
-    return f"{fault.fault}{about}"
+    details = f" of {fault.of}" * bool(fault.of) + f" of about {fault.value:.2g}" * bool(fault.value)
+    return f"{fault.fault}{details}"
