@@ -89,6 +89,14 @@ def test_a_signal_during_imports_ends_it_with_one_line(start, name, number, code
     assert said_after(process, PROMPT) == (code, "", f"{name}: stopped while starting\n")
 
 
+def test_a_signal_while_a_live_view_imports_ros_ends_it_with_one_line(start):
+    """pybind11 makes an ImportError of a KeyboardInterrupt in the import of rclpy."""
+    process = start(*module("view"), "--port", "0")
+    wait_until(lambda: "_rclpy_pybind11" in Path(f"/proc/{process.pid}/maps").read_text(), "rclpy's library")
+    process.send_signal(signal.SIGINT)
+    assert said_after(process, PROMPT) == (0, "", "view: stopped while starting\n")
+
+
 DOOR = """
 import signal, sys, threading, time
 from types import ModuleType

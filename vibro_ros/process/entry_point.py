@@ -75,8 +75,9 @@ def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
 
     Returns the exit code: that of `main`; 0 or 128 + the signal's number if a KeyboardInterrupt ended `main`.
     """
-    _process.program, _process.endless = program, executables[program].endless
-    _process.package = executables[program].module.partition(".")[0]
+    executable = executables["live_view" if program == "view" and shows_live_robot(sys.argv[1:]) else program]
+    _process.program, _process.endless = program, executable.endless
+    _process.package = executable.module.partition(".")[0]
     if _process.package == "vibro_ros":  # no program of the device needs BLAS, whose second thread would spin for 0.1 s
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         # hashlib has digests of its own, which it takes where OpenSSL is missing: 3 MB less
@@ -88,7 +89,7 @@ def enter(program: str, executables: Mapping[str, Any] = EXECUTABLES) -> int:
     # registered first, so that it runs after all others.
     atexit.register(lambda: interrupted and os._exit(interrupted[0]))
     try:
-        code = _run(program, executables[program].module)
+        code = _run(program, executable.module)
     except KeyboardInterrupt:
         code = interrupted_code()
         interrupted.append(code)
@@ -244,8 +245,7 @@ def _end_at_once(number: int, frame: FrameType | None) -> None:
 
 
 def _code_after(number: int) -> int:
-    live = _process.program == "view" and shows_live_robot(sys.argv[1:])
-    return 0 if live or _process.endless or LAUNCHED in sys.argv[1:] else 128 + number
+    return 0 if _process.endless or LAUNCHED in sys.argv[1:] else 128 + number
 
 
 def _run(program: str, module: str) -> int:
@@ -275,9 +275,8 @@ def _middleware_fault(program: str) -> str:
     Where no middleware is registered, as in an installation by `pip install --user`, or another one may be loaded
     before rcl by LD_PRELOAD, rcl is left to judge.
     """
-    live = program == "view" and shows_live_robot(sys.argv[1:])
     wanted = os.environ.get("RMW_IMPLEMENTATION")
-    if not wanted or "LD_PRELOAD" in os.environ or not (live or _process.endless or program == "controller"):
+    if not wanted or "LD_PRELOAD" in os.environ or not (_process.endless or program == "controller"):
         return ""
     prefixes = filter(None, [sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)])
     registered = {path.name for prefix in prefixes for path in Path(prefix, MIDDLEWARES).glob("*")}

@@ -53,7 +53,7 @@ def command_drive(signals: SignalTable, drive: np.void, speed: float, target: fl
                   lag: float = 0.0) -> None:
     """Set the speed of the phase at the segment's start to `speed` [rad/s], and let it go to `target` [rad/s], below 0
     backwards: at `acceleration` [rad/s²] or with the time constant `lag` [s]; without either the speed is constant."""
-    speed, target = (0.0 if abs(one) < _STANDING else one for one in (speed, target))
+    speed, target = (0.0 if abs(rate) < _STANDING else rate for rate in (speed, target))
     forwards = speed or target
     if forwards and (forwards < 0.0) != (drive["direction"] < 0):
         width = signals.start[drive["cell"] + 1] - signals.start[drive["cell"]]

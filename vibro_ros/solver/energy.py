@@ -147,8 +147,9 @@ def _book_jump(system: System, state: State, mode: int, point: Row, after: Row) 
     table, accounts, previous = system.accounts, state.accounts, state.automaton.mode
     jump, by_motor = table.jump[previous, state.automaton.guard], 0.0
     for e in range(len(table.stored_form)):
-        before, then = form_value(table.stored_form[e], point), form_value(table.stored_form[e], after)
-        change = table.stored_weight[mode, e] * then * then - table.stored_weight[previous, e] * before * before
+        value_before, value_after = form_value(table.stored_form[e], point), form_value(table.stored_form[e], after)
+        change = (table.stored_weight[mode, e] * value_after * value_after
+                  - table.stored_weight[previous, e] * value_before * value_before)
         if jump[e] == MOTOR:
             by_motor += 0.5 * change
         else:

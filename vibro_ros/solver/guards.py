@@ -233,14 +233,14 @@ def _search(p: Row, a: float, f: float, limit: float, noise: float, values: Row)
     first = _next_node(a)
     # p stays positive up to node k - 1.
     k = first if f <= bend else first_index(~indices_above(vector(values), bend) >> first << first)
-    left, before = a, f
+    left, at_left = a, f
     if k != first:
-        left, before = _NODES[k - 1], values[k - 1]
+        left, at_left = _NODES[k - 1], values[k - 1]
     if k >= LENGTH or left >= limit:
         return NO_ROOT
-    right, drop = _NODES[k], before - values[k]
+    right, drop = _NODES[k], at_left - values[k]
     if values[k] < 0.0 and drop > _FALLS * bend:
-        root = _only_root(p, left, right, left + (right - left) * before / drop)
+        root = _only_root(p, left, right, left + (right - left) * at_left / drop)
         if root != NO_ROOT:
             return root if root <= limit else NO_ROOT
     return _march(p, left, limit)
@@ -326,10 +326,10 @@ def maximum(p: Row, a: float, b: float, known: float, work: Rows) -> float:
         if k >= LENGTH or _NODES[k - 1] >= b:
             return best
         turns &= turns - 1
-        left, right, before, behind = _NODES[k - 1], _NODES[k], values[k - 1], values[k]
-        drop, x = before - behind, NO_ROOT
-        if before > 0.0 and behind < 0.0 and drop > _FALLS * bend:
-            x = _only_root(slope, left, right, left + _SPACING * before / drop)
+        left, right, at_left, at_right = _NODES[k - 1], _NODES[k], values[k - 1], values[k]
+        drop, x = at_left - at_right, NO_ROOT
+        if at_left > 0.0 and at_right < 0.0 and drop > _FALLS * bend:
+            x = _only_root(slope, left, right, left + _SPACING * at_left / drop)
         if x == NO_ROOT:
             return max(best, _highest_turning_point(p, slope, a, b, noise, work[1:]))
         if a < x < b:

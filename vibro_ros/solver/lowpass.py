@@ -65,18 +65,18 @@ def filter_up_to(system: System, state: State, x: float) -> None:
     """Advance the filters to the local time `x` of the present mode."""
     segment, rate, response = state.segment, state.scratch.lowpass_rate, state.scratch.lowpass_response
     for k in range(len(state.lowpass)):
-        one = state.lowpass[k]
-        channel, start = one.channel, max(one.reached, segment.mode_start)
+        filter_state = state.lowpass[k]
+        channel, start = filter_state.channel, max(filter_state.reached, segment.mode_start)
         before = value(state.z[channel], start)
-        one.in_phase += before - one.value  # where the mode began, the channel may have jumped
-        one.value = value(state.z[channel], x) if x > start else before
-        one.reached = x
+        filter_state.in_phase += before - filter_state.value  # where the mode began, the channel may have jumped
+        filter_state.value = value(state.z[channel], x) if x > start else before
+        filter_state.reached = x
         if x <= start:
             continue
         store(rate, lowered(vector(_ORDER) * vector(state.z[channel])))
         rests: bool = indices_above(magnitudes(vector(rate)), 0.0) == 0
-        duration, decay = segment.half * (x - start), math.sqrt(0.5) * one.rate
-        count = 1 if rests else int(duration * one.rate / _LONGEST) + 1
+        duration, decay = segment.half * (x - start), math.sqrt(0.5) * filter_state.rate
+        count = 1 if rests else int(duration * filter_state.rate / _LONGEST) + 1
         half, width = 0.5 * duration / count, (x - start) / count
         turn = decay * half  # from the step's middle to its end c is multiplied by exp((-1 + i) turn)
         shrinking, cosine, sine = exp(-turn), cos(turn), sin(turn)
@@ -87,12 +87,12 @@ def filter_up_to(system: System, state: State, x: float) -> None:
                 response[0, n], response[1, n] = real, imaginary
                 real, imaginary = ((real + imaginary) * turn / (n + 1), (imaginary - real) * turn / (n + 1))
         for step in range(count):
-            in_middle = one.in_phase * to_end - one.quadrature * to_end_turned
-            turned = one.in_phase * to_end_turned + one.quadrature * to_end
+            in_middle = filter_state.in_phase * to_end - filter_state.quadrature * to_end_turned
+            turned = filter_state.in_phase * to_end_turned + filter_state.quadrature * to_end
             if not rests:
                 nodes = repeated(start + (step + 0.5) * width) + 0.5 * width * vector(_NODES)
                 weighted = values(rate, nodes) * vector(_WEIGHTS)
                 in_middle += 0.5 * width * total(weighted * values(response[0], vector(_NODES)))
                 turned += 0.5 * width * total(weighted * values(response[1], vector(_NODES)))
-            one.in_phase = in_middle * to_end - turned * to_end_turned
-            one.quadrature = in_middle * to_end_turned + turned * to_end
+            filter_state.in_phase = in_middle * to_end - turned * to_end_turned
+            filter_state.quadrature = in_middle * to_end_turned + turned * to_end

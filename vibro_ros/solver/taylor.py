@@ -161,12 +161,13 @@ def _fill_accelerations(system: System, mode: int, z: Rows, n: int, series: Rows
         row = system.equations[mode, phase]
         change, pull = _row_at(row, system.reads_all[mode, phase], z, n), row[torque]
     # Then the two equations change = ... + pull T and term = e[0] f[n] are solved together.
-    own = 1.0 - pull * of_phase[0]
+    phase_by_phase = 1.0 - pull * of_phase[0]
     if has_term:
         f[n] = _row_at(system.decay.factor[mode], system.decay.terms[mode], z, n)
-        mutual, other, share = pull * of_term[0], e[0] * of_phase[1], 1.0 - e[0] * of_term[1]
-        determinant, known = own * share - mutual * other, e[0] * f[n]
-        change, term = (change * share + mutual * known) / determinant, (own * known + other * change) / determinant
+        phase_by_term, term_by_phase, term_by_term = pull * of_term[0], e[0] * of_phase[1], 1.0 - e[0] * of_term[1]
+        determinant, known = phase_by_phase * term_by_term - phase_by_term * term_by_phase, e[0] * f[n]
+        change, term = ((change * term_by_term + phase_by_term * known) / determinant,
+                        (phase_by_phase * known + term_by_phase * change) / determinant)
         f[n] += of_phase[1] * change + of_term[1] * term
         z[decay, n] += term
         for i in range(masses):
@@ -176,7 +177,7 @@ def _fill_accelerations(system: System, mode: int, z: Rows, n: int, series: Rows
             for k in range(counts.signals):
                 loads[k, n] += series[_OF_TERM, _LOADS + k] * term
     elif counts.signal_accelerations > 0:
-        change /= own
+        change /= phase_by_phase
     if counts.rotors > 0:
         if counts.signal_accelerations > 0:
             for i in range(masses):

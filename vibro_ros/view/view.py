@@ -1,4 +1,4 @@
-"""The `view` executable: writes a recording as one HTML file, or shows a live robot in the browser.
+"""The `view` executable for a recording, which it writes as one HTML file; `ros.live.view` shows a live robot.
 
 The file has the motion at every instant, not only when the robot published. The recording of a robot's own recorder is
 simulated again from its commands. The motion is exact wherever the simulation passes through the recorded positions;
@@ -14,7 +14,7 @@ import argparse
 import math
 import webbrowser
 from collections.abc import Sequence
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from vibro_ros.messages.topics import OPERATIONS, TOPICS
 from vibro_ros.model.faults import DURATION, FORCE
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.entry_point import Parser, exit_code, say
-from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
+from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.files import one_line, open_to_read, replace_file, user_path
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RecordedRun, Rerun, recorded_run
@@ -53,18 +53,8 @@ _HEAD = 4096  # bytes at the beginning of a file in which a page has its mark
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the executable; returns its exit code."""
-    return exit_code("view", lambda: _live(words) if shows_live_robot(words) else _run(words))
-
-
-def _live(words: Sequence[str]) -> int:
-    try:
-        live = import_module("vibro_ros.ros.live.view")  # nothing else here needs ROS
-    except ModuleNotFoundError as error:
-        raise RuntimeError(f"{(error.name or str(error)).partition('.')[0]}: no such Python module here; a live robot "
-                           "needs ROS 2 Jazzy: source an installation, or use the environment that `make setup` makes"
-                           ) from None
-    return live.main(words)
+    """Write the page of a recording; returns the exit code. `entry_point.enter` starts `live_view` for a live robot."""
+    return exit_code("view", lambda: _run(words))
 
 
 def _run(words: Sequence[str]) -> int:
