@@ -147,14 +147,14 @@ def _by_scipy(oscillator: Oscillator, times: np.ndarray) -> np.ndarray:
         return [state[1], math.cos(oscillator.omega * time) - state[0]]
 
     stop = TerminalEvent(lambda _time, state: state[0] - oscillator.sigma, 1.0)
-    positions, done, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
-    while done < len(times):
+    positions, solution, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
+    while solution < len(times):
         piece = solve_ivp(right, (time, times[-1]), state, method="DOP853", rtol=1e-12, atol=1e-13, max_step=0.1,
                           events=stop, dense_output=True)
         upto = len(times) if piece.status == 0 else int(np.searchsorted(times, piece.t[-1]))
-        if upto > done:
-            positions[done:upto] = piece.sol(times[done:upto])[0]
-        done, time = upto, piece.t[-1]
+        if upto > solution:
+            positions[solution:upto] = piece.sol(times[solution:upto])[0]
+        solution, time = upto, piece.t[-1]
         state = np.array([oscillator.sigma, -oscillator.restitution * piece.y[1, -1]])
     return positions
 
