@@ -8,7 +8,7 @@ import yaml
 
 from vibro_ros.configuration.strict_yaml import LIMITS, Limits, parse_yaml, read_scalar, read_yaml
 
-LONGEST = 10.0  # s, of the slowest document
+LONGEST = 10.0  # [s] of processor time, for the slowest document
 HOSTILE = {
     "nested lists": ("[" * 100_000, "nested more than 32 deep"),
     "an alias": ("a: &a [x, x]\nb: [*a, *a]", "line 2: not read: the alias *a; write the value out"),
@@ -30,18 +30,18 @@ HOSTILE = {
 def test_documents_beyond_the_limits_are_refused_in_one_line(tmp_path, text, reason):
     path = tmp_path / "file.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(ValueError, match="^[^\n]*$") as raised:
         read_yaml(path)
-    assert time.monotonic() - began < LONGEST
+    assert time.process_time() - began < LONGEST
     assert str(raised.value).startswith(f"{path}") and reason in str(raised.value)
 
 
 def test_forty_thousand_keys_are_read(tmp_path):
     (tmp_path / "file.yaml").write_text("".join(f"key{i}: {i}\n" for i in range(40_000)))
-    began = time.monotonic()
+    began = time.process_time()
     assert read_yaml(tmp_path / "file.yaml") == {f"key{i}": i for i in range(40_000)}
-    assert time.monotonic() - began < LONGEST  # comparing every key with every other took minutes
+    assert time.process_time() - began < LONGEST  # comparing every key with every other took minutes
 
 
 def test_a_limit_counts_keys_and_values():
