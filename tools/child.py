@@ -44,10 +44,10 @@ class Child:
     def wait_for(self, words: str) -> str:
         """Return the first line of output that contains `words`; RuntimeError with the output if the process ends."""
         while True:
-            over = not self._reader.is_alive()
+            has_ended = not self._reader.is_alive()
             if line := next((line for line in list(self._lines) if words in line), ""):
                 return line
-            if over:
+            if has_ended:
                 raise RuntimeError(f"{self.name} has ended: {' '.join(self._lines)}")
             time.sleep(_POLL)
 

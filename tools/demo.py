@@ -145,9 +145,10 @@ def check_bag(bag: Bag) -> None:
     if missing:
         raise DemoError(f"{bag.path}: topics missing: {', '.join(missing)}")
     x = bag["odom"]["position"][:, 0]
-    way = float(np.abs(x - x[0]).max()) if len(x) else 0.0
-    if way < MOVED:
-        raise DemoError(f"the robot did not move: {way * 1e3:.3f} mm from its start; {MOVED * 1e3:g} mm are the least")
+    distance = float(np.abs(x - x[0]).max()) if len(x) else 0.0
+    if distance < MOVED:
+        raise DemoError(f"the robot did not move: {distance * 1e3:.3f} mm from its start; {MOVED * 1e3:g} mm are the "
+                        "least")
     empty = [name for name in ALWAYS_THERE if not len(bag[name]["time"])]
     if empty:
         raise DemoError(f"{bag.path}: no messages on {', '.join(empty)}")

@@ -123,9 +123,9 @@ def stale() -> list[str]:
 
 def make(names: Sequence[str]) -> int:
     """Make the documents one after the other, and print the remaining time."""
-    planned, done, begun = sum(DOCUMENTS[name].minutes for name in names), 0.0, time.monotonic()
+    planned, done, began = sum(DOCUMENTS[name].minutes for name in names), 0.0, time.monotonic()
     for number, name in enumerate(names):
-        document, passed = DOCUMENTS[name], (time.monotonic() - begun) / 60.0
+        document, passed = DOCUMENTS[name], (time.monotonic() - began) / 60.0
         pace = passed / done if done > 1.0 else 1.0  # minutes that a planned minute takes on this machine
         print(f"documents: {name}, {number + 1} of {len(names)}; about {pace * (planned - done):.0f} min left",
               flush=True)
@@ -136,13 +136,13 @@ def make(names: Sequence[str]) -> int:
             if subprocess.run([sys.executable, "-m", *words], cwd=ROOT, check=False).returncode:
                 print(f"documents: {name} failed; `make documents ONLY={name}` tries it again", file=sys.stderr)
                 return 1
-        for made, place in document.copies.items():
-            shutil.copy(ROOT / made.replace(WORK, work), ROOT / place)
+        for source, place in document.copies.items():
+            shutil.copy(ROOT / source.replace(WORK, work), ROOT / place)
         if document.measured:
             page = ROOT / document.page
             page.write_text(marked(page.read_text(encoding="utf-8"), name, digest), encoding="utf-8")
         done += document.minutes
-    print(f"documents: made in {(time.monotonic() - begun) / 60.0:.0f} min")
+    print(f"documents: made in {(time.monotonic() - began) / 60.0:.0f} min")
     return 0
 
 
@@ -163,9 +163,9 @@ def reached(numbers: Sequence[str]) -> dict[tuple[str, str], str]:
         module = module_of(module_name)
         if place in texts:
             continue
-        if whole := module_of(f"{module_name}.{name}"):  # a module in the place of a value
+        if value_module := module_of(f"{module_name}.{name}"):  # a module in the place of a value
             texts[place] = ""
-            waiting += [(whole.name, defined) for defined in whole.definitions]
+            waiting += [(value_module.name, defined) for defined in value_module.definitions]
         elif not module:
             continue
         elif name in module.definitions:
@@ -187,8 +187,8 @@ def _begins(number: str) -> Iterator[tuple[str, str]]:
     for file in sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]:
         words = file.relative_to(PACKAGES[module.partition(".")[0]].parent).with_suffix("").parts
         dotted = ".".join(words[:-1] if words[-1] == "__init__" else words)
-        if whole := module_of(dotted):
-            yield from ((dotted, defined) for defined in whole.definitions)
+        if whole_module := module_of(dotted):
+            yield from ((dotted, defined) for defined in whole_module.definitions)
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ def given_file(path: Path) -> Iterator[None]:
 
 def replaced(document: str, begin: str, end: str, text: str) -> str:
     """Replace the text between the lines `begin` and `end` (ValueError unless each occurs once, in this order)."""
-    head, found_begin, rest = document.partition(begin)
-    _, found_end, tail = rest.partition(end)
-    if not (found_begin and found_end) or begin in rest or end in tail:
+    before_mark, found_begin, after_mark = document.partition(begin)
+    _, found_end, after_end = after_mark.partition(end)
+    if not (found_begin and found_end) or begin in after_mark or end in after_end:
         raise ValueError(f"the table's place is not marked; write '{begin}' and '{end}' once each")
-    return f"{head}{begin}\n{text}\n{end}{tail}"
+    return f"{before_mark}{begin}\n{text}\n{end}{after_end}"
 
 
 def write_between(file: Path, begin: str, end: str, text: Callable[[], str]) -> None:

@@ -65,7 +65,7 @@ def sommerfeld_table() -> str:
     rows = ["| voltage [V] | going up [rad/s] | going down [rad/s] |", "|---|---|---|"]
     rows += [f"| {voltage} | {upwards:.0f} | {downwards:.0f} |"
              for voltage, upwards, downwards in zip(VOLTAGES, up, down, strict=True)]
-    words = [f"{way} the speed jumps between {VOLTAGES[k]} and {VOLTAGES[k + 1]} V" for way, speeds in (
+    words = [f"{direction} the speed jumps between {VOLTAGES[k]} and {VOLTAGES[k + 1]} V" for direction, speeds in (
         ("Going up", up), ("going down", down)) for k in range(len(up) - 1) if speeds[k + 1] - speeds[k] > JUMP]
     return "\n".join([*rows, "", f"{'; '.join(words)}."])
 

@@ -53,12 +53,12 @@ def python_interface() -> str:
 
 def gallery() -> str:
     """Return the page with every picture of the documents, its description and the page that explains it."""
-    lines, shown = ["# Gallery", ""], set()
+    lines, pictures = ["# Gallery", ""], set()
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         for link in _LINK.finditer(page.read_text(encoding="utf-8")):
             picture = os.path.relpath(page.parent / link["path"], ROOT / "docs")
-            if link["shown"].startswith("!") and picture not in shown:
-                shown.add(picture)
+            if link["shown"].startswith("!") and picture not in pictures:
+                pictures.add(picture)
                 page_path = os.path.relpath(page, ROOT / "docs")
                 lines += [f"{link['shown']}({picture})\n",
                           f"{link['shown'].strip('![]')}: [{page.stem}]({page_path})\n"]

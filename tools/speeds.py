@@ -77,14 +77,14 @@ def named(name: str, scene: Scene) -> str:
 def distribution_rows(name: str, scene: Scene) -> list[str]:
     """Return a row for the starts about each of `ABOUT` of a robot that keeps its energy: the range of their speeds."""
     rows = []
-    for about in ABOUT:
-        begun = scene.with_parameters({"start.state": about})
+    for state in ABOUT:
+        begun = scene.with_parameters({"start.state": state})
         runs = in_processes(partial(measure, begun, ("mean_speed",), KEEPS_SETTLING, KEEPS_MEASURED), range(STARTS),
                             core_count())
         speeds = 1e3 * np.array([future.result()["mean_speed"] for _, future in runs])
         digits = max(0, 2 - math.floor(math.log10(np.abs(speeds).max())))
         ends = [f"{value:.{digits}f}" for value in np.quantile(speeds, (0.0, 0.25, 0.5, 0.75, 1.0))]
-        rows.append(f"| {named(name, scene)} | near `{about}` | {' | '.join(ends)} |")
+        rows.append(f"| {named(name, scene)} | near `{state}` | {' | '.join(ends)} |")
     return rows
 
 
@@ -96,10 +96,10 @@ def motion_rows(name: str, scene: Scene, starts: int = STARTS) -> list[str]:
     rows = [f"| {name} | {attractor.in_words()} | {attractor.starts} of {starts} ({100 * attractor.low:.0f} to "
             f"{100 * attractor.high:.0f} %) | {exponent_in_words(attractor)} | {lead} |"
             for attractor, lead in zip(drawn[:_MOST_NAMED], leads, strict=False)]
-    if rest := drawn[_MOST_NAMED:]:
-        speeds = [1e3 * attractor.mean_speed for attractor in rest]
-        rows.append(f"| {name} | {len(rest)} motions more, {min(speeds):.1f} to {max(speeds):.1f} mm/s | "
-                    f"{sum(attractor.starts for attractor in rest)} of {starts} | | |")
+    if unnamed := drawn[_MOST_NAMED:]:
+        speeds = [1e3 * attractor.mean_speed for attractor in unnamed]
+        rows.append(f"| {name} | {len(unnamed)} motions more, {min(speeds):.1f} to {max(speeds):.1f} mm/s | "
+                    f"{sum(attractor.starts for attractor in unnamed)} of {starts} | | |")
     return rows + [f"| {name} | {motion.in_words()} | 0 of {starts} | | {words} |" for words, motion in others.items()]
 
 
@@ -213,16 +213,16 @@ def cost_rows(name: str, scene: Scene) -> Iterator[str]:
         refusal = str(error).partition(";")[0]
     for motor, moved in robots_by_motor.items():
         for motion in measured_motions(moved, _COSTS):
-            seen, speed = motion.values, abs(motion.values["mean_speed"])
+            values, speed = motion.values, abs(motion.values["mean_speed"])
             pitch = validity_of(moved, vars(motion.samples)).pitch_index
-            peak = np.nanmax([seen["upper_peak_force"], seen["inclined_peak_force"]])
+            peak = np.nanmax([values["upper_peak_force"], values["inclined_peak_force"]])
             if speed < STANDS:
-                prices = ["-", "-", f"stands, and takes {seen['supply_power']:.0f} W"]
+                prices = ["-", "-", f"stands, and takes {values['supply_power']:.0f} W"]
             else:
                 weight = moved.total_mass * moved["gravity"]
-                supply = f"{seen['supply_power'] / (weight * speed):.3g}" if moved.has_rotor else "-"
-                prices = [f"{seen['cost_of_transport']:.3g}", f"{seen['delivered_cost_of_transport']:.3g}", supply]
-            cells = [name, motor, motion.in_words(COSTED_STARTS), *prices, f"{100 * seen['air_share']:.0f} %",
+                supply = f"{values['supply_power'] / (weight * speed):.3g}" if moved.has_rotor else "-"
+                prices = [f"{values['cost_of_transport']:.3g}", f"{values['delivered_cost_of_transport']:.3g}", supply]
+            cells = [name, motor, motion.in_words(COSTED_STARTS), *prices, f"{100 * values['air_share']:.0f} %",
                      f"{peak:.3g} N", f"{stroke:.2f}", "-" if pitch is None else f"{pitch:.2g}"]
             yield f"| {' | '.join(cells)} |"
     if refusal:

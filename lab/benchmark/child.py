@@ -37,13 +37,13 @@ def limited(prepare: Callable[..., Callable[[], Answer]], limit: float) -> Calla
     return prepared
 
 
-def main(name: str, *asked: str) -> None:
+def main(name: str, *arguments: str) -> None:
     """Print the settings of a program, or the row of one of them."""
     module = import_module(f"benchmark.programs.{name}")
-    if not asked:
+    if not arguments:
         print(json.dumps(module.SETTINGS), flush=True)
         return
-    problem, setting, limit = asked
+    problem, setting, limit = arguments
     program = Program(name, module.SETTINGS, limited(module.prepare, float(limit)), module.version)
     print_row(measure_setting(load(problem), program, program.settings[int(setting)], EFFORT))
 

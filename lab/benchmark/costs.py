@@ -52,7 +52,7 @@ def main(words: Sequence[str]) -> int:
     print(f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|")
     for name in SCENES:
         values = measure(name, options.duration, options.repeats)
-        print(f"| {' | '.join(shown.format(**values) for shown in COLUMNS.values())} |", flush=True)
+        print(f"| {' | '.join(form.format(**values) for form in COLUMNS.values())} |", flush=True)
     print(f"\n{about_compiling()}\n")
     gain, possible = measure_many(options.many, options.duration, options.repeats)
     print(f"`simulate_many`, {options.many} scenes of {options.duration:g} s: two workers are {gain:.2f} times as fast "
@@ -131,8 +131,8 @@ def machine() -> str:
 
 def about_compiling() -> str:
     """Return a sentence with the time that a sweep needs for a device of another geometry."""
-    said = ", ".join(f"{1e3 * compiling_seconds(name):.2f} ms (`{name}`)" for name in _COMPILED)
-    return f"A device with another guide angle is made, its scene compiled, in {said}."
+    times = ", ".join(f"{1e3 * compiling_seconds(name):.2f} ms (`{name}`)" for name in _COMPILED)
+    return f"A device with another guide angle is made, its scene compiled, in {times}."
 
 
 def compiling_seconds(name: str) -> float:

@@ -59,18 +59,18 @@ def machine(problem: ReferenceProblem, slow: float = 0.0) -> ProblemNumbers:
 
     A landing at a speed of at most `slow` [m/s] does not bounce, so that a sequence of infinitely many landings ends.
     """
-    given = problem.parameters
-    gone = {name: 0.0 for mass, names in (("m2", ("k2", "k4")), ("m3", ("k3", "k1")))
-            if not given[mass] for name in (*names, "c2" if mass == "m2" else "c3")}
+    values = problem.parameters
+    absent = {name: 0.0 for mass, names in (("m2", ("k2", "k4")), ("m3", ("k3", "k1")))
+            if not values[mass] for name in (*names, "c2" if mass == "m2" else "c3")}
     return ProblemNumbers(
-        **{name: given[name] for name in ("m2", "k2", "c2", "k4", "c4", "L2", "m3", "k3", "c3", "k1", "c1", "L3",
-                                          "omega", "g", "mu", "adhesion")} | gone,
-        radius=given["l"],
-        plate2=given["L2"] + given["gap2"] if given["m2"] and given["k4"] else math.inf,
-        plate3=given["L3"] + given["gap3"] if given["m3"] and given["k1"] else math.inf,
-        sine=math.sin(given["phi"]), cosine=math.cos(given["phi"]), total=given["m1"] + given["m2"] + given["m3"],
-        rule=_RULES[given["normal"]], reaction=float(given["reaction"]), heavy=given["g"] * given["weight"],
-        restitution=given["restitution"], slow=slow)
+        **{name: values[name] for name in ("m2", "k2", "c2", "k4", "c4", "L2", "m3", "k3", "c3", "k1", "c1", "L3",
+                                          "omega", "g", "mu", "adhesion")} | absent,
+        radius=values["l"],
+        plate2=values["L2"] + values["gap2"] if values["m2"] and values["k4"] else math.inf,
+        plate3=values["L3"] + values["gap3"] if values["m3"] and values["k1"] else math.inf,
+        sine=math.sin(values["phi"]), cosine=math.cos(values["phi"]), total=values["m1"] + values["m2"] + values["m3"],
+        rule=_RULES[values["normal"]], reaction=float(values["reaction"]), heavy=values["g"] * values["weight"],
+        restitution=values["restitution"], slow=slow)
 
 
 def start(problem: ReferenceProblem) -> np.ndarray:
@@ -213,19 +213,19 @@ def land(y, p):
     along, across = p.total - reacting_mass * p.sine * p.sine, reacting_mass * p.sine * p.cosine
     high = p.total - p.reaction * p.m2 - reacting_mass * p.cosine * p.cosine
     fall, speed_before = y[7], y[5]
-    speed_after, left = speed_before, fall
+    speed_after, remaining_fall = speed_before, fall
     if speed_before != 0.0:
         sign = 1.0 if speed_before > 0.0 else -1.0
         rate = (across + sign * p.mu * high) / (along + sign * p.mu * across)
         speed_after = speed_before + rate * fall
         if sign * speed_after >= 0.0:
-            left = 0.0
+            remaining_fall = 0.0
         else:
-            left = fall + speed_before / rate
-    if left != 0.0:
+            remaining_fall = fall + speed_before / rate
+    if remaining_fall != 0.0:
         sign = -1.0 if across > 0.0 else 1.0
         rate = (across + sign * p.mu * high) / (along + sign * p.mu * across)
-        speed_after = 0.0 if abs(across) <= p.mu * high else rate * left
+        speed_after = 0.0 if abs(across) <= p.mu * high else rate * remaining_fall
     y[1] += p.reaction * fall
     y[3] += p.reaction * (p.sine * (speed_after - speed_before) + p.cosine * fall)
     y[5], y[6], y[7] = speed_after, 0.0, 0.0

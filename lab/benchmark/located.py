@@ -19,9 +19,9 @@ def run(problem, callbacks, integrate):
     """
     y, t, times, rows = start(problem), 0.0, problem.times, [start(problem)]
     callbacks.begin(y)
-    crowd, mode = 0, callbacks.mode[:3].copy()
-    events = [(0.0, kind) for kind, closed in zip(("upper_contact", "inclined_contact"), mode[:2], strict=True)
-              if closed]
+    simultaneous, mode = 0, callbacks.mode[:3].copy()
+    events = [(0.0, kind) for kind, is_closed in zip(("upper_contact", "inclined_contact"), mode[:2], strict=True)
+              if is_closed]
     while len(rows) < len(times):
         segment_begin, which = t, None
         brief = 0.2 * y[7] / callbacks.numbers.g if y[6] == 0.0 < y[7] else np.inf
@@ -38,7 +38,7 @@ def run(problem, callbacks, integrate):
                                ("stick", mode[2] == STICK != ground)):
             if happened:
                 events.append((t, kind))
-        crowd = crowd + 1 if t - segment_begin < 1e-14 else 0
-        if crowd > _MOST_IN_AN_INSTANT or len(events) > _MOST_EVENTS:
+        simultaneous = simultaneous + 1 if t - segment_begin < 1e-14 else 0
+        if simultaneous > _MOST_IN_AN_INSTANT or len(events) > _MOST_EVENTS:
             raise UnableError(f"events without end at {t:.6g} s")
     return Answer(lambda: np.array(rows), lambda: event_array(events), callbacks.seconds)

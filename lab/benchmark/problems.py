@@ -92,10 +92,10 @@ class ReferenceProblem:
         error, falls = self.error(answer.samples), self.falls_through(answer.samples)
         if math.isnan(error) or error > DIVERGED and not falls:
             return replace(row, outcome=DIVERGES)
-        said = [self.missed(answer)]
+        remarks = [self.missed(answer)]
         if answer.callbacks is not None:
-            said.append(f"{answer.callbacks() / row.wall_time:.0%} of its time in Python that it calls back")
-        row = replace(row, share_error=error, note="; ".join(filter(None, said)),
+            remarks.append(f"{answer.callbacks() / row.wall_time:.0%} of its time in Python that it calls back")
+        row = replace(row, share_error=error, note="; ".join(filter(None, remarks)),
                       outcome=FALLS if falls else row.outcome)
         along = answer.samples[-1][COLUMNS.index("x")] * float(self.values["x"][-1])
         return replace(row, outcome=WRONG_SIGN) if self.judged == ("x",) and along < 0.0 else row

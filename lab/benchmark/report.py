@@ -160,8 +160,8 @@ def answer(scenes: Mapping[str, Sequence[Row]]) -> list[str]:
 
 def in_readme(text: str, scenes: Mapping[str, Sequence[Row]]) -> str:
     """Return the text of README with what it says about costs between its marks; without marks it stays as it is."""
-    said = "\n".join([*answer(scenes)[:1], heyoka_sentence(scenes)])
-    return re.sub(f"({_BEGIN}).*?({_END})", lambda marks: f"{marks[1]}\n{said}\n{marks[2]}", text, flags=re.DOTALL)
+    sentences = "\n".join([*answer(scenes)[:1], heyoka_sentence(scenes)])
+    return re.sub(f"({_BEGIN}).*?({_END})", lambda marks: f"{marks[1]}\n{sentences}\n{marks[2]}", text, flags=re.DOTALL)
 
 
 def _share_of_set_up(rows: Sequence[Row]) -> float:
@@ -179,8 +179,8 @@ def need_table(scenes: Mapping[str, Sequence[Row]]) -> str:
         lines.append((need, f"`{row.program}`{setting}", f"{two_digits(row.cost)} ({two_digits(row.set_up)})")
                      if row else (need, "nothing that was measured", ""))
 
-    for asked in (MILLIMETRE, MICROMETRE):
-        line(asked.words, next(iter(cheapest(rows, asked).values()), None))
+    for requirement in (MILLIMETRE, MICROMETRE):
+        line(requirement.words, next(iter(cheapest(rows, requirement).values()), None))
     line(REQUIREMENTS[2].words, next(iter(cheapest(rows, REQUIREMENTS[2]).values()), None))
     for need, program in (("the same by a Runge-Kutta 4 whose steps end at events", "rk4_located"),
                           ("the same by a Runge-Kutta 4 of fixed step, written for one scene", BY_HAND),
@@ -199,13 +199,13 @@ def heyoka_sentence(scenes: Mapping[str, Sequence[Row]]) -> str:
     """Return the sentence that says where heyoka is as accurate as `exact` and cheaper, in whole runs with set-up."""
     parts = []
     for horizon in (SHORT, LONG):
-        asked = Requirement("", horizon, "position_error", EXACT_TOLERANCE)
-        able = {name: cheapest(rows, asked) for name, rows in scenes.items()}
-        both = {name: rows["heyoka"].wall_time / rows["exact"].wall_time for name, rows in able.items()
+        requirement = Requirement("", horizon, "position_error", EXACT_TOLERANCE)
+        able = {name: cheapest(rows, requirement) for name, rows in scenes.items()}
+        ratios = {name: rows["heyoka"].wall_time / rows["exact"].wall_time for name, rows in able.items()
                 if {"heyoka", "exact"} <= rows.keys()}
-        cheaper = {name: ratio for name, ratio in both.items() if ratio < 1.0}
+        cheaper = {name: ratio for name, ratio in ratios.items() if ratio < 1.0}
         where = ", ".join(f"`{name}`, in {two_digits(ratio)} of the time" for name, ratio in sorted(cheaper.items()))
-        parts.append(f"over {horizon:g} s on {len(cheaper) or 'none'} of {len(both)} scenes"
+        parts.append(f"over {horizon:g} s on {len(cheaper) or 'none'} of {len(ratios)} scenes"
                      f"{f' ({where})' if where else ''}")
     return (f"heyoka, a general Taylor integrator, is as accurate (to {EXACT_TOLERANCE:g} m) and faster, set-up "
             f"included, {'; '.join(parts)}.")
@@ -310,11 +310,11 @@ def speeds_table(rows: Sequence[Row]) -> str:
     exact, steps = averages_of(rows, "exact"), sorted({value for _, value in measured}, reverse=True)
     if not exact or not steps:
         return "No mean speeds were measured."
-    whole = markdown_table(("mean speed, mm/s", *(f"{step:.0e} s" for step in steps)), [
+    table = markdown_table(("mean speed, mm/s", *(f"{step:.0e} s" for step in steps)), [
         (method, *("; ".join(_cell(row, exact[0]) for row in measured.get((method, step), [])) for step in steps))
         for method in dict.fromkeys(method for method, _ in measured)])
     starts = sum(row.repeats for row in exact)
-    return "\n".join([whole, "", f"By `exact`, {starts} drawn starts of {exact[0].horizon:g} s after {SETTLING:g} s: "
+    return "\n".join([table, "", f"By `exact`, {starts} drawn starts of {exact[0].horizon:g} s after {SETTLING:g} s: "
                       f"{speeds_by_exact(rows)}. In brackets: nine of ten starts lie from the first to the second. "
                       f"Bold: within {WITHIN:.0%}; (!): the wrong way."])
 

@@ -45,17 +45,17 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--quick", action="store_true", help=f"at most {QUICK_LIMIT:g} s a run, not {LIMIT:g}")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder (default: out/benchmark)")
     options = parser.parse_args(words)
-    if strange := set(options.names) - set(known):
-        parser.error(f"{', '.join(sorted(strange))}: no problem, no scene and no program of the benchmark")
+    if unknown := set(options.names) - set(known):
+        parser.error(f"{', '.join(sorted(unknown))}: no problem, no scene and no program of the benchmark")
     chosen = {group: [name for name in members if {name, group} & {*options.names}]
               for group, members in GROUPS.items()}
     if not any(chosen.values()):
         chosen["problems"] = GROUPS["problems"]
     effort = Effort(repeats=3, limit=QUICK_LIMIT if options.quick else LIMIT)
-    asked = [name for name in NAMES if name in options.names or not {*NAMES} & {*options.names}]
+    programs = [name for name in NAMES if name in options.names or not {*NAMES} & {*options.names}]
     try:
         for name in chosen["problems"]:
-            _keep(options.output / report.PROBLEM_ROWS, rows_of_problem(name, asked, effort))
+            _keep(options.output / report.PROBLEM_ROWS, rows_of_problem(name, programs, effort))
         for name in chosen["scenes"]:
             _keep(options.output / report.SCENE_ROWS, rows_of_scene(name))
     except KeyboardInterrupt:
@@ -66,12 +66,12 @@ def main(words: Sequence[str]) -> int:
     return 0
 
 
-def rows_of_problem(name: str, asked: Sequence[str], effort: Effort) -> Iterator[Row]:
-    """Yield the rows of a problem by the programs of the names `asked`."""
-    begun = time.monotonic()
-    for program_name in asked:
+def rows_of_problem(name: str, programs: Sequence[str], effort: Effort) -> Iterator[Row]:
+    """Yield the rows of a problem by the programs of the names `programs`."""
+    began = time.monotonic()
+    for program_name in programs:
         for row in rows(problems.load(name), program(program_name), effort):
-            print(f"{time.monotonic() - begun:5.0f} s  {described(row)}", flush=True)
+            print(f"{time.monotonic() - began:5.0f} s  {described(row)}", flush=True)
             yield row
 
 
@@ -94,8 +94,8 @@ def _keep(file: Path, measured: Iterator[Row]) -> None:
         def key(row: Row) -> tuple[str, str]:
             return row.problem, row.program if file.name == report.PROBLEM_ROWS.name else ""
 
-        again = {key(row) for row in new}
-        kept = [*(row for row in earlier if key(row) not in again), *new]
+        measured_keys = {key(row) for row in new}
+        kept = [*(row for row in earlier if key(row) not in measured_keys), *new]
         order = list(dict.fromkeys(row.program for row in kept))
         if file.name == report.PROBLEM_ROWS.name:
             kept.sort(key=lambda row: (row.problem, order.index(row.program)))

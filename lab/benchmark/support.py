@@ -57,15 +57,9 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
 
 
 def unsupported(values: Scene, simulator: str) -> str:
-    """Return the first parameter whose value `simulator` does not support, with the value and the default; empty if it
-    supports all.
+    """Return the first parameter of a scene that one of `SIMULATORS` does not support, with the value and the default.
 
-    Parameters
-    ----------
-    values : Scene
-        The scene.
-    simulator : str
-        One of `SIMULATORS`.
+    Empty if it supports all.
     """
     for name, value in values.parameters.items():
         default = PARAMETERS[name].default

@@ -86,9 +86,9 @@ def test_arrows_are_those_that_are_drawn(sources):
 
 
 def test_rooms_are_told_in_the_words_of_the_rooms():
-    told = told_rooms("## The lab")
-    assert told == summaries(LAB / PACKAGE)
-    assert list(told) == [room for room in MAY_IMPORT if room not in ("", DEVICE)]
+    documented = told_rooms("## The lab")
+    assert documented == summaries(LAB / PACKAGE)
+    assert list(documented) == [room for room in MAY_IMPORT if room not in ("", DEVICE)]
 
 
 def test_only_the_twin_imports_ros(sources):

@@ -86,17 +86,17 @@ def build(prefix: Path, packages: Sequence[str]) -> None:
 def _build_one(prefix: Path, package: str, folder: Path) -> None:
     (source,) = (parent / package for parent in FOLDERS if (parent / package).is_dir())
     cmake = f"{sys.prefix}/bin/cmake"
-    said = ""
+    log = ""
     for step in (["-S", str(source), "-B", str(folder), f"-DCMAKE_INSTALL_PREFIX={prefix}", *cmake_arguments()],
                  ["--build", str(folder), "--parallel", str(len(os.sched_getaffinity(0)))],
                  ["--install", str(folder)]):
-        done = subprocess.run([cmake, *step], env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        ended = subprocess.run([cmake, *step], env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               text=True, errors="replace")
-        said += done.stdout
-        if done.returncode:
-            (prefix / LOG).write_text(said)
-            lines = [line.strip() for line in said.splitlines() if "error" in line.lower()]
-            raise BuildError(f"{lines[0] if lines else f'cmake ended with {done.returncode}'} (all of it in "
+        log += ended.stdout
+        if ended.returncode:
+            (prefix / LOG).write_text(log)
+            lines = [line.strip() for line in log.splitlines() if "error" in line.lower()]
+            raise BuildError(f"{lines[0] if lines else f'cmake ended with {ended.returncode}'} (all of it in "
                              f"{prefix / LOG})")
 
 

@@ -164,41 +164,41 @@ class Equations:
 
     def _motor(self) -> None:
         """theta, its rate, and its acceleration; of a dc motor also the current, and what the current loop wants."""
-        scene, at, t, lag = self.scene, self.parameters, hy.time, self.scene["motor.time_constant"]
+        scene, par, t, lag = self.scene, self.parameters, hy.time, self.scene["motor.time_constant"]
         if self.has_rotor:
             self.theta, self.omega, self.current = hy.make_vars("theta", "theta_v", "current")
             self._winding()
             return
-        extra = {"ideal": (0.0, 0.0, 0.0), "ramp": (0.5 * at["change"] * t * t, at["change"] * t, at["change"])}
+        extra = {"ideal": (0.0, 0.0, 0.0), "ramp": (0.5 * par["change"] * t * t, par["change"] * t, par["change"])}
         if scene["effects.motor"] == "lag":
             decay = hy.exp(-t / lag)
-            extra["lag"] = (at["change"] * lag * (1.0 - decay), at["change"] * decay, -at["change"] / lag * decay)
+            extra["lag"] = (par["change"] * lag * (1.0 - decay), par["change"] * decay, -par["change"] / lag * decay)
         angle, speed, self._turning = extra[scene["effects.motor"]]
-        self.theta, self.omega = at["angle"] + at["speed"] * t + angle, at["speed"] + speed
+        self.theta, self.omega = par["angle"] + par["speed"] * t + angle, par["speed"] + speed
 
     def _winding(self) -> None:
         """L i' = V - R i - K theta'; without an inductance i follows from V, or is what the current loop holds."""
-        scene, held, at = self.scene, self.parameters["held"], self.parameters
+        scene, held, par = self.scene, self.parameters["held"], self.parameters
         self.constant = scene["motor.gear_ratio"] * scene["motor.torque_constant"]
         resistance, inductance = scene["motor.winding_resistance"], scene["motor.winding_inductance"]
         self.has_current_loop = scene["motor.control"] == "speed_by_current"
-        supply, back = scene["motor.supply_voltage"] * at["limit"], self.constant * self.omega
+        supply, induced = scene["motor.supply_voltage"] * par["limit"], self.constant * self.omega
         gain = inductance / scene["motor.current_time_constant"]
         current = self.current if inductance else held
-        self.wanted_voltage = back + resistance * current + (gain * (held - current) if inductance else 0.0)
-        voltage = (at["within"] * self.wanted_voltage + (1.0 - at["within"]) * supply if self.has_current_loop
+        self.wanted_voltage = induced + resistance * current + (gain * (held - current) if inductance else 0.0)
+        voltage = (par["within"] * self.wanted_voltage + (1.0 - par["within"]) * supply if self.has_current_loop
                    else held)
         if inductance:
-            self._current_rate = (voltage - resistance * self.current - back) / inductance
+            self._current_rate = (voltage - resistance * self.current - induced) / inductance
         else:
-            self.current = (voltage - back) / resistance
+            self.current = (voltage - induced) / resistance
 
     def _crank(self, body: tuple, felt: tuple) -> hy.expression:
         """theta'' [rad/s²] of a dc motor; sets `torque` and `coupling`.
 
         `body` has x'' and y'' [m/s²] for theta'' = 0, `felt` what a unit of theta'' adds to each.
         """
-        scene, at = self.scene, self.parameters
+        scene, par = self.scene, self.parameters
         reaction, weighs = float(scene["effects.reaction"]), float(scene["effects.mass_weight"])
         inertia = scene["motor.gear_ratio"] ** 2 * scene["motor.rotor_inertia"] + scene["motor.crank_inertia"]
         crank_inertia, coupled, torque = hy.expression(inertia), hy.expression(0.0), self.constant * self.current
@@ -213,11 +213,11 @@ class Equations:
         self.torque = torque
         self.coupling = [*(sum((getattr(part, way) * part.mass * part.slope for part in self.linkage),
                                hy.expression(0.0)) for way in ("along", "up")), crank_inertia]
-        resisted = scene["motor.damping"] * self.omega + at["bearing"] * scene["motor.friction"]
-        return at["turns"] * (torque - resisted) / (crank_inertia + coupled)
+        resisted = scene["motor.damping"] * self.omega + par["bearing"] * scene["motor.friction"]
+        return par["turns"] * (torque - resisted) / (crank_inertia + coupled)
 
     def _guide(self, side: str, angle: float) -> Guide:
-        scene, at = self.scene, self.parameters
+        scene, par = self.scene, self.parameters
         depth, rate = hy.make_vars(f"{side}_d", f"{side}_v")
         kind, rod, mass = scene[f"effects.{side}_contact"], scene[f"crank.{side}_rod"], scene[f"mass.{side}"]
         slider, slope, bend, crank = self._slider(side, rod, angle)
@@ -226,15 +226,15 @@ class Equations:
                                             bend))
         pull = scene[f"{side}.spring.stiffness"] * (depth + (self._plate(side) - slider))
         if scene[f"{side}.spring.damping"] > 0.0:
-            pull += scene[f"{side}.spring.damping"] * (rate + at[f"{side}.plate_speed"] - slope * self.omega)
+            pull += scene[f"{side}.spring.damping"] * (rate + par[f"{side}.plate_speed"] - slope * self.omega)
         load = -pull
         if scene["effects.mass_weight"]:
             load -= mass * (self.down * math.cos(angle) - self.downhill * math.sin(angle))
         spring, damper = scene[f"{side}.plate.stiffness"], scene[f"{side}.plate.damping"]
         if kind == "compliant":
-            load -= at[f"{side}.spring"] * depth
+            load -= par[f"{side}.spring"] * depth
             if damper > 0.0:
-                load -= at[f"{side}.damper"] * rate
+                load -= par[f"{side}.damper"] * rate
         return Guide(side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
                      kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"],
                      scene["crank.radius"] == rod, depth, rate, pull, slope, load, spring * depth + damper * rate,
@@ -246,8 +246,8 @@ class Equations:
         radius = self.scene["crank.radius"]
         sine, cosine = hy.sin(self.theta - angle), hy.cos(self.theta - angle)
         if radius == rod:  # the root is rod |cos|, and a guard switches the sign of the cosine
-            both = radius + self.parameters[f"{side}.sign"] * rod
-            return both * cosine, -both * sine, -both * cosine, cosine
+            length = radius + self.parameters[f"{side}.sign"] * rod
+            return length * cosine, -length * sine, -length * cosine, cosine
         root = hy.sqrt(rod * rod - radius * radius * sine * sine)
         slope = -radius * sine * (1.0 + radius * cosine / root)
         of_root = -radius * radius * sine * cosine / root
@@ -259,7 +259,7 @@ class Equations:
         x, self.velocity = hy.make_vars("x", "x_v")
         others = hy.expression(-self.pull) - self.viscous * self.velocity
         self.normal, self.inertial = hy.expression(self.total * self.down), others
-        inward, ground, at = others, self.normal, self.parameters
+        inward, ground, par = others, self.normal, self.parameters
         share = {"upper": 0.0, "inclined": self.sine if self.body_moves else 0.0}
         upwards = {"upper": 1.0, "inclined": self.cosine}
         for guide in self.guides:
@@ -277,22 +277,22 @@ class Equations:
         else:
             ground += forces[1]
             self.normal += self.cosine * misread
-        slide = at["slide"]  # F_fr as a multiple of N while the body slips
+        slide = par["slide"]  # F_fr as a multiple of N while the body slips
         if self.scene["effects.friction"] == "stribeck":
             extra = self.static_frictions[1.0] - self.frictions[1.0]
-            slide = slide + extra * at["direction"] * hy.exp(
-                -at["direction"] * self.velocity / self.scene["ground.stribeck_speed"])
+            slide = slide + extra * par["direction"] * hy.exp(
+                -par["direction"] * self.velocity / self.scene["ground.stribeck_speed"])
         feels = self.has_dry_friction or self.hops
         along, across, up = self.body_inertia({guide.side: self._unless_resting(guide, 1.0) for guide in self.guides})
-        mobility = at["mobility"]
+        mobility = par["mobility"]
         if self.scene["effects.friction"] == "stribeck" and not by_weight:  # given for the kinetic coefficient
-            mobility = mobility * ((along + at["slide"] * across) / (along + slide * across))
+            mobility = mobility * ((along + par["slide"] * across) / (along + slide * across))
         along_x = mobility * (inward - (slide * ground if feels else 0.0))
         self.rise = (across * inward + along * ground) / (across**2 - along * up)
         felt = (mobility * (-coupling[0] - (slide * coupling[1] if feels else 0.0)),  # of a unit of theta''
                 (along * coupling[1] - across * coupling[0]) / (across**2 - along * up))
         if self.has_rotor:
-            moves, flies = float(self.body_moves), float(self.hops) * at["air"]
+            moves, flies = float(self.body_moves), float(self.hops) * par["air"]
             self._turning = self._crank((moves * along_x, flies * self.rise), (moves * felt[0], flies * felt[1]))
         if self.linkage:
             along_x, self.rise = along_x + felt[0] * self._turning, self.rise + felt[1] * self._turning
@@ -305,7 +305,7 @@ class Equations:
             if self.scene["effects.reaction"] and share[guide.side]:
                 force = force + guide.mass * self.sine * along_x
             if self.scene["effects.reaction"] and self.hops:
-                force = force - guide.mass * upwards[guide.side] * at["air"] * self.rise
+                force = force - guide.mass * upwards[guide.side] * par["air"] * self.rise
             inertia = self._unless_resting(guide, force)
             self.forces[guide.side] = force
             self.system += [(guide.depth, guide.rate), (guide.rate, inertia / guide.mass)]
@@ -316,7 +316,7 @@ class Equations:
             self.system += [(x, self.velocity), (self.velocity, along_x)]
         if self.hops:
             self.altitude, climb = hy.make_vars("y", "y_v")
-            self.system += [(self.altitude, climb), (climb, at["air"] * self.rise)]
+            self.system += [(self.altitude, climb), (climb, par["air"] * self.rise)]
         if self.has_rotor:
             self.system += [(self.theta, self.omega), (self.omega, self._turning)]
             if self.scene["motor.winding_inductance"]:
@@ -450,46 +450,47 @@ class Equations:
 
     def guards(self) -> dict[str, hy.expression]:
         """Expressions whose zeros end a mode, by name; a guard that a mode does not have is switched to a constant."""
-        at, expressions = self.parameters, {}
+        par, expressions = self.parameters, {}
         for guide in self.guides:
             side = guide.side
             if guide.kind == "compliant":
                 expressions[f"{side} depth"] = guide.depth
             if guide.watches_force:
-                watch = at[f"{side}.watch"]
-                expressions[f"{side} force"] = watch * (guide.push + at[f"{side}.offset"]) + (1.0 - watch)
+                watch = par[f"{side}.watch"]
+                expressions[f"{side} force"] = watch * (guide.push + par[f"{side}.offset"]) + (1.0 - watch)
             if guide.kind == "restitution":
-                free = at[f"{side}.free"]
+                free = par[f"{side}.free"]
                 expressions[f"{side} plate"] = free * guide.depth - (1.0 - free) * self.forces[side]
             if guide.has_kink:
                 expressions[f"{side} kink"] = guide.crank
         if self.has_dry_friction:
-            stick, slip = at["stick"], at["slip"]
+            stick, slip = par["stick"], par["slip"]
             forward, backward = (self.static_frictions[sign] * self.normal for sign in (1.0, -1.0))
             expressions["body forward"] = (stick * (forward - self.inertial) + slip * self.velocity
                                      + (1.0 - stick - slip))
             if self.scene["effects.friction"] == "stribeck":
-                faded = at["direction"] * self.velocity - _FADED * self.scene["ground.stribeck_speed"]
+                faded = par["direction"] * self.velocity - _FADED * self.scene["ground.stribeck_speed"]
                 expressions["decay"] = slip * faded + (1.0 - slip)
             expressions["body backward"] = stick * (backward + self.inertial) + (1.0 - stick)
         if self.hops:
-            expressions["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
+            expressions["normal"] = (par["air"] * self.altitude
+                                     + (1.0 - par["air"]) * (self.normal + par["normal_offset"]))
         elif self.has_dry_friction and self.rule == "unilateral":
-            expressions["normal"] = self.normal + at["normal_offset"]
+            expressions["normal"] = self.normal + par["normal_offset"]
         if self.has_rotor:
             expressions |= self._motor_guards()
         return expressions
 
     def _motor_guards(self) -> dict[str, hy.expression]:
         """Guards of the bearing and of the current loop."""
-        at, scene, expressions = self.parameters, self.scene, {}
+        par, scene, expressions = self.parameters, self.scene, {}
         if static := scene["motor.static_friction"]:
-            turns = at["turns"]
+            turns = par["turns"]
             expressions["crank forward"] = turns * self.omega + (1.0 - turns) * (static - self.torque)
             expressions["crank backward"] = (1.0 - turns) * (static + self.torque) + turns
         if self.has_current_loop:
-            within, supply = at["within"], scene["motor.supply_voltage"]
-            expressions["upper limit"] = (within * (supply - self.wanted_voltage) + at["loop_offset"]
-                                    + (1.0 - within) * (at["limit"] * self.wanted_voltage - supply))
-            expressions["lower limit"] = within * (supply + self.wanted_voltage + at["loop_offset"]) + (1.0 - within)
+            within, supply = par["within"], scene["motor.supply_voltage"]
+            expressions["upper limit"] = (within * (supply - self.wanted_voltage) + par["loop_offset"]
+                                    + (1.0 - within) * (par["limit"] * self.wanted_voltage - supply))
+            expressions["lower limit"] = within * (supply + self.wanted_voltage + par["loop_offset"]) + (1.0 - within)
         return expressions

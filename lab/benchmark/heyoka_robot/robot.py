@@ -113,7 +113,7 @@ class HeyokaRobot:
         times = np.asarray(times, dtype=float)
         self._start()
         waiting, parts, driven = list(commands), [], []
-        now, end, done = 0.0, float(times[-1]), 0
+        now, end, sampled = 0.0, float(times[-1]), 0
         while True:
             while waiting and waiting[0][0] <= now:
                 self._command(now, **waiting.pop(0)[1])
@@ -123,13 +123,13 @@ class HeyokaRobot:
             self._contacts.release_unpressed(0.0)
             self._motor.reconsider(0.0)
             stop = min([end, *(command[0] for command in waiting[:1]), self._motor.next_instant(now),
-                        *(now + left for left in self._times_to_ramp_ends())])
+                        *(now + time_left for time_left in self._times_to_ramp_ends())])
             last = stop == end
             upto = len(times) if last else int(np.searchsorted(times, stop))
-            samples, of_drives = self._advance(times[done:upto] - now, stop - now)
+            samples, of_drives = self._advance(times[sampled:upto] - now, stop - now)
             parts.append(samples)
             driven.append(of_drives)
-            done = upto
+            sampled = upto
             if last:
                 break
             self._move_time_origin(now, stop - now)
@@ -188,8 +188,8 @@ class HeyokaRobot:
             guide = next((guide for guide in self._equations.guides if guide.side == side), None)
             if gap is not None and guide is not None and guide.kind != "none":
                 self._goals[side] = guide.rod + gap
-                way = np.sign(self._goals[side] - self._plates[side])
-                self._set_plate(side, float(way) * self.scene["gap_actuator.speed"])
+                sign = np.sign(self._goals[side] - self._plates[side])
+                self._set_plate(side, float(sign) * self.scene["gap_actuator.speed"])
 
     def _times_to_ramp_ends(self) -> list[float]:
         """Times [s] from now to the end of the motion of each moving plate."""
@@ -198,12 +198,12 @@ class HeyokaRobot:
 
     def _move_time_origin(self, now: float, later: float) -> None:
         """Move the instant `now`, from which time is counted, by `later` [s]; end the ramps that are over."""
-        over = [left <= later + _SAME_INSTANT for left in self._times_to_ramp_ends()]
+        has_ended = [time_left <= later + _SAME_INSTANT for time_left in self._times_to_ramp_ends()]
         moving = [side for side, speed in self._plate_speeds.items() if speed]
         self._motor.move_on(now, later)
         for side, speed in self._plate_speeds.items():
             self._plates[side] += speed * later
-        for side, reached in zip(moving, over, strict=True):
+        for side, reached in zip(moving, has_ended, strict=True):
             if reached:
                 self._plates[side] = self._goals[side]
         for side, speed in self._plate_speeds.items():
@@ -229,27 +229,27 @@ class HeyokaRobot:
             column, speed = COLUMNS.index(f"{guide.side}_position"), self._plate_speeds[guide.side]
             samples[:, column] = points[:, 2 * i] + (self._plates[guide.side] + speed * times)
             samples[:, column + 1] = points[:, 2 * i + 1] + speed
-        for column, index, there in ((4, equations.body, equations.body_moves), (6, equations.height, equations.hops)):
-            if there:
+        for column, index, exists in ((4, equations.body, equations.body_moves), (6, equations.height, equations.hops)):
+            if exists:
                 samples[:, column:column + 2] = points[:, index:index + 2]
         return samples, self._driven(times, points)
 
     def _propagate(self, times: np.ndarray, stop: float) -> np.ndarray:
         """States at `times` [s] on the way to `stop` [s], in steps that are short during short bounces."""
         integrator, run = self._integrator, self._run
-        parts, done = [], 0
+        parts, sampled = [], 0
         while True:
             now, flight = integrator.time, run.short_flight
             integrator.time = now  # heyoka's time has a second double, by which the grid's first instant may lie behind
             end = min(stop, now + 1.5 * flight) if flight else stop
-            within = times[done:np.searchsorted(times, end, side="right")]
-            leading = [now] if not len(within) or within[0] > now else []
-            trailing = [end] if end > (within[-1] if len(within) else now) else []
+            inner_times = times[sampled:np.searchsorted(times, end, side="right")]
+            leading = [now] if not len(inner_times) or inner_times[0] > now else []
+            trailing = [end] if end > (inner_times[-1] if len(inner_times) else now) else []
             run.short_flight = 0.0
             outcome, *_, points = integrator.propagate_grid(
-                np.concatenate([leading, within, trailing]), max_delta_t=1.5 * flight if flight else math.inf)
-            parts.append(points[len(leading):len(leading) + len(within)])
-            done += len(parts[-1])
+                np.concatenate([leading, inner_times, trailing]), max_delta_t=1.5 * flight if flight else math.inf)
+            parts.append(points[len(leading):len(leading) + len(inner_times)])
+            sampled += len(parts[-1])
             if outcome == hy.taylor_outcome.time_limit:
                 if end == stop:
                     return np.concatenate(parts)
@@ -431,9 +431,9 @@ class DcMotor:
                 "upper limit": lambda t, d: self._cross_limit(t, 0.0 if self._limit else 1.0),
                 "lower limit": lambda t, d: self._cross_limit(t, -1.0)}
 
-    def _leave(self, time: float, way: float) -> None:
-        self._run.state[self._omega] = way * _SPEED_NUDGE
-        self._turn(way, time)
+    def _leave(self, time: float, sense: float) -> None:
+        self._run.state[self._omega] = sense * _SPEED_NUDGE
+        self._turn(sense, time)
         self.feel_jump(time)
 
     def _stop(self, time: float) -> None:
@@ -447,9 +447,9 @@ class DcMotor:
         if abs(torque) <= self._static:
             self._enter("stuck", 0.0, 0.0, time)
         else:
-            way = math.copysign(1.0, torque)
-            self._run.state[self._omega] = way * _SPEED_NUDGE
-            self._turn(way, time)
+            sense = math.copysign(1.0, torque)
+            self._run.state[self._omega] = sense * _SPEED_NUDGE
+            self._turn(sense, time)
 
     def reconsider(self, time: float, struck: bool = False) -> None:
         """Leave a bearing that no longer holds, because a force has jumped; or take the way of a shock that has
@@ -462,12 +462,12 @@ class DcMotor:
         elif self._bearing == "stuck" and abs(torque := self._run.motor_torque(time)) > self._static:
             self._leave(time, math.copysign(1.0, torque))
 
-    def _turn(self, way: float, time: float = 0.0) -> None:
-        self._enter({1.0: "forward", -1.0: "backward", 0.0: "free"}[way], 1.0, way, time)
+    def _turn(self, sense: float, time: float = 0.0) -> None:
+        self._enter({1.0: "forward", -1.0: "backward", 0.0: "free"}[sense], 1.0, sense, time)
 
-    def _enter(self, bearing: str, turns: float, way: float, time: float) -> None:
+    def _enter(self, bearing: str, turns: float, sense: float, time: float) -> None:
         self._run.set_parameter("turns", turns)
-        self._run.set_parameter("bearing", way)
+        self._run.set_parameter("bearing", sense)
         if self._bearing not in ("", bearing):
             self._run.add_event(time, "crank_stops" if bearing == "stuck" else "crank_turns")
         self._bearing = bearing

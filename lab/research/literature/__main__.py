@@ -81,9 +81,9 @@ def answer(findings: Sequence[Finding]) -> str:
     """Return the counts of verdicts over all machines, in a sentence; the first verdict is that a statement holds."""
     verdicts = [claim.verdict for finding in findings for claim in finding.claims]
     holds, *others = VERDICTS
-    rest = ", ".join(f"*{verdict}* {verdicts.count(verdict)}" for verdict in others if verdict in verdicts)
+    other_counts = ", ".join(f"*{verdict}* {verdicts.count(verdict)}" for verdict in others if verdict in verdicts)
     return (f"{verdicts.count(holds)} of {len(verdicts)} statements about {len(findings)} machines hold. The verdicts "
-            f"on the others: {rest}.")
+            f"on the others: {other_counts}.")
 
 
 def read_findings(path: Path) -> list[Finding]:

@@ -125,7 +125,7 @@ class Survey:
         """Mass ratios at which different starts settle in opposite directions."""
         directions = {ratio: {math.copysign(1.0, run.mean) for run in runs if run.settled}
                       for ratio, runs in self.progressions.items()}
-        return [ratio for ratio, both in directions.items() if len(both) == 2]
+        return [ratio for ratio, found_signs in directions.items() if len(found_signs) == 2]
 
 
 def surveyed(job: tuple[Capsule, int]) -> Survey:

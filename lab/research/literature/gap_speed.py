@@ -153,8 +153,8 @@ def claim(curve: Sequence[Moved]) -> Claim:
     with_plate = [motion for motion in frequent if math.isfinite(motion.gap)]
     fastest = max(with_plate, key=lambda motion: motion.speed)
     hardest = max(with_plate, key=lambda motion: motion.approach)
-    same = abs(fastest.gap - hardest.gap) <= with_plate[1].gap - with_plate[0].gap + 1e-9
-    equal = fastest.speed - hardest.speed <= math.hypot(fastest.spread, hardest.spread)
+    are_neighbours = abs(fastest.gap - hardest.gap) <= with_plate[1].gap - with_plate[0].gap + 1e-9
+    may_be_equal = fastest.speed - hardest.speed <= math.hypot(fastest.spread, hardest.spread)
     blows = "" if fastest.approach else ", without a blow"
     without = "".join(f"; without any plate it moves at {motion.words}" for motion in frequent
                       if math.isinf(motion.gap))
@@ -165,7 +165,7 @@ def claim(curve: Sequence[Moved]) -> Claim:
         f"here with the seed paper's parameters, at {fastest.motor:g} rad/s.",
         f"hardest blows, {hardest.approach:.2f} m/s in the mean, at {1e3 * hardest.gap:g} mm, where it moves at "
         f"{hardest.words}; fastest at {1e3 * fastest.gap:g} mm, {fastest.words}{blows}{end}",
-        HOLDS if same else NOISE if equal else FAILS, _RULE)
+        HOLDS if are_neighbours else NOISE if may_be_equal else FAILS, _RULE)
 
 
 def _frequent(curve: Iterable[Moved]) -> list[Moved]:

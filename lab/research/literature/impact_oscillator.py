@@ -147,14 +147,14 @@ def _by_scipy(oscillator: Oscillator, times: np.ndarray) -> np.ndarray:
         return [state[1], math.cos(oscillator.omega * time) - state[0]]
 
     stop = TerminalEvent(lambda _time, state: state[0] - oscillator.sigma, 1.0)
-    positions, done, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
-    while done < len(times):
+    positions, count, time, state = np.empty(len(times)), 0, 0.0, np.array([1.0, 0.0])
+    while count < len(times):
         piece = solve_ivp(right, (time, times[-1]), state, method="DOP853", rtol=1e-12, atol=1e-13, max_step=0.1,
                           events=stop, dense_output=True)
-        upto = len(times) if piece.status == 0 else int(np.searchsorted(times, piece.t[-1]))
-        if upto > done:
-            positions[done:upto] = piece.sol(times[done:upto])[0]
-        done, time = upto, piece.t[-1]
+        end = len(times) if piece.status == 0 else int(np.searchsorted(times, piece.t[-1]))
+        if end > count:
+            positions[count:end] = piece.sol(times[count:end])[0]
+        count, time = end, piece.t[-1]
         state = np.array([oscillator.sigma, -oscillator.restitution * piece.y[1, -1]])
     return positions
 
@@ -245,8 +245,8 @@ def verdict_of_tilt(side: float, slope: float, exists: Mapping[float, bool]) -> 
     """Verdict on a tilt to a published `side`, the sign of σ, from a of the closed form and the sides with an orbit."""
     if exists[side] == exists[-side]:
         return FAILS
-    seen = side if exists[side] else -side
-    return FAILS if -slope * seen <= 0.0 else HOLDS if seen == side else MISSIGNED
+    orbit_side = side if exists[side] else -side
+    return FAILS if -slope * orbit_side <= 0.0 else HOLDS if orbit_side == side else MISSIGNED
 
 
 def _folds() -> Claim:
@@ -281,8 +281,9 @@ def _doublings() -> Claim:
         oscillator = Oscillator(omega, 0.0, 0.8)
         sigma = doubling(oscillator, turns, -0.5 * oscillator.reach, 0.5 * oscillator.reach)
         stable = sigma - 0.1 * oscillator.reach
-        motion_before, motion_beyond = (followed(replace(oscillator, sigma=sigma + step * oscillator.reach), stable)
-                          for step in (-_BESIDE, _BESIDE))
+        motion_before, motion_beyond = (
+            followed(replace(oscillator, sigma=sigma + step * oscillator.reach), stable)
+            for step in (-_BESIDE, _BESIDE))
         places.append(f"{sigma:.5f} for ω = {omega:g}: ({motion_before.impacts}, {motion_before.turns}) before, "
                       f"({motion_beyond.impacts}, {motion_beyond.turns}) beyond")
         agreed &= (motion_before.impacts, motion_before.turns, motion_beyond.impacts, motion_beyond.turns) == (
@@ -320,8 +321,9 @@ def _figure(rows: Sequence[Compared]) -> Figure:
         for branch, style in ((0, "-"), (1, ":")):
             speeds = [replace(oscillator, sigma=float(place)).speeds(turns)[branch] for place in places]
             axes.plot(places, speeds, style, color=color, lw=1.0)
-        seen = [row for row in rows if (row.oscillator.omega, row.oscillator.restitution) == (omega, _RESTITUTIONS[0])]
-        axes.plot([row.oscillator.sigma for row in seen], [row.motion.speeds[0] for row in seen], "o", ms=4,
+        shown = [row for row in rows
+                 if (row.oscillator.omega, row.oscillator.restitution) == (omega, _RESTITUTIONS[0])]
+        axes.plot([row.oscillator.sigma for row in shown], [row.motion.speeds[0] for row in shown], "o", ms=4,
                   color=color, label=f"ω = {omega:g}")
     axes.set(xlim=(-0.8, 0.8), xlabel="place of the stop σ", ylabel="speed of impact V", ylim=(0.0, None))
     axes.set_title("(1, 1) orbits, r = 0.8: closed form (dotted: lower branch) and settled motions", fontsize=9)

@@ -33,7 +33,7 @@ from vibro_lab.orbits.starts import running
 TIMES = np.linspace(0.0, 0.1, 101)
 
 
-def of(rows, program, compared=TRAJECTORY):
+def rows_of_program(rows, program, compared=TRAJECTORY):
     return [row for row in rows if row.program == program and row.compared == compared]
 
 
@@ -41,19 +41,19 @@ def test_a_wrong_program_looks_wrong(rows):
     """Steps shorter by a factor of ten reduce the error of a right program by at least a factor of 3 a decade, and that
     of a wrong program not at all.
     """
-    right, wrong = ([row.mass_error for row in of(rows, name)] for name in ("rk4", "planted"))
+    right, wrong = ([row.mass_error for row in rows_of_program(rows, name)] for name in ("rk4", "planted"))
     assert right[-1] < right[0] / 9.0
     assert wrong[-1] > 0.3 * wrong[-2] and wrong[-1] > 10.0 * right[-1]
-    assert of(rows, "planted")[-1].body_error > 10.0 * of(rows, "rk4")[-1].body_error
+    assert rows_of_program(rows, "planted")[-1].body_error > 10.0 * rows_of_program(rows, "rk4")[-1].body_error
 
 
 def test_the_reference_is_checked_by_another_integrator(rows):
     """Runge-Kutta with steps of 1e-6 s that end at events: its rounding, over up to 1e7 steps, stays below 1e-9 m."""
-    references = of(rows, "rk4_located", REFERENCE)
+    references = rows_of_program(rows, "rk4_located", REFERENCE)
     assert [reference.horizon for reference in references] == [0.1, SHORT, LONG]
     for reference in references:
         assert 0.0 < reference.mass_error < 1e-9 and 0.0 < reference.event_error < 1e-9
-    [exact] = of(rows, "exact")  # which is the reference
+    [exact] = rows_of_program(rows, "exact")  # which is the reference
     assert exact.body_error <= references[0].body_error and exact.event_error <= references[0].event_error
 
 
@@ -78,7 +78,7 @@ def test_a_cost_is_for_each_simulated_second_and_set_up_is_apart():
 
 
 def test_what_failed_is_said_not_drawn(rows):
-    exploded, unable = of(rows, "exploding")[0], of(rows, "unable")[0]
+    exploded, unable = rows_of_program(rows, "exploding")[0], rows_of_program(rows, "unable")[0]
     assert (exploded.outcome, exploded.note) == (DIVERGES, "positions not finite") and math.isnan(exploded.body_error)
     assert (unable.outcome, unable.note) == (CANNOT, "cannot do it") and math.isnan(unable.cost)
 

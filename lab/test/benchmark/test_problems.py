@@ -28,8 +28,8 @@ def test_the_page_states_what_the_data_file_holds(name):
     stated = dict(re.findall(r"^\| (\w+) \| ([\d.e+-]+) \|$", page, re.MULTILINE))
     assert stated
     assert {symbol: problem.parameters[symbol] for symbol in stated} == {s: float(text) for s, text in stated.items()}
-    begun = dict(re.findall(r"(\w+) = ([\d.e+-]+\d)", page.partition("Start: ")[2].partition(";")[0]))
-    assert {column: float(begun.get(column, 0.0)) for column in COLUMNS} == problem.start
+    start_values = dict(re.findall(r"(\w+) = ([\d.e+-]+\d)", page.partition("Start: ")[2].partition(";")[0]))
+    assert {column: float(start_values.get(column, 0.0)) for column in COLUMNS} == problem.start
     for kind, event in problem.events.items():
         assert f"{event['count']} {kind.replace('_', ' ')}" in page
 
@@ -109,9 +109,10 @@ def test_the_compiled_equations_are_the_rows_of_the_readme():
         f2, f3 = forces(0.3, y, True, True, p)
         au, aw, ax, ay, normal = accelerations(f2, f3, slide, ground, p)
         friction = p.mu * normal * slide if ground != 2 else -(total * ax - m3 * sine * aw)
-        left = (total * ax - m3 * sine * aw + friction, total * ay + m2 * au + m3 * cosine * aw - normal + total * p.g,
-                m2 * au + m2 * ay + f2, m3 * aw + m3 * (cosine * ay - sine * ax) + f3)
-        assert np.abs(left).max() < 1e-12 * (abs(f2) + abs(f3)), ground
+        remainders = (total * ax - m3 * sine * aw + friction,
+                      total * ay + m2 * au + m3 * cosine * aw - normal + total * p.g,
+                      m2 * au + m2 * ay + f2, m3 * aw + m3 * (cosine * ay - sine * ax) + f3)
+        assert np.abs(remainders).max() < 1e-12 * (abs(f2) + abs(f3)), ground
 
 
 def test_guards_are_positive_within_the_mode_that_a_start_has():

@@ -31,8 +31,8 @@ def test_the_seed_decides_all():
     actions = random.uniform(-1.0, 1.0, (20, 3)).astype(np.float32)
 
     def episode(seed):
-        seen = [env.reset(seed=seed)[0]]
-        return np.array(seen + [env.step(action)[0] for action in actions])
+        observations = [env.reset(seed=seed)[0]]
+        return np.array(observations + [env.step(action)[0] for action in actions])
 
     first, other = episode(4), episode(5)
     assert np.array_equal(episode(4), first) and not np.array_equal(first, other)
@@ -120,10 +120,10 @@ def test_a_picture_has_robot_and_target():
 
 
 def test_another_observation_has_the_measurements_of_every_sensor():
-    seen = []
+    measurements = []
 
     def acceleration(measured):
-        seen.append(dict(measured))
+        measurements.append(dict(measured))
         return np.float32(measured["imu"][:3] / 100.0)
 
     scene = load_scene("device").with_parameters({"sensors.imu.rate": 100.0})
@@ -132,10 +132,11 @@ def test_another_observation_has_the_measurements_of_every_sensor():
     env.reset(seed=0, options={"target_speed": -0.05})
     for _ in range(5):
         observation, *_, info = env.step(np.array([0.4, -1.0, -1.0], np.float32))
-    assert env.observation_space == space and np.array_equal(observation, np.float32(seen[-1]["imu"][:3] / 100.0))
-    assert seen[-1].keys() == {"ahead", "target_speed", "crank_speed", "action", "encoder", "tracking", "imu"}
-    assert seen[-1]["target_speed"] == -0.05 and abs(seen[-1]["crank_speed"] - 105.0) < 5.0
-    assert seen[-1]["ahead"] == pytest.approx(info["body_position"] - info["target_position"], abs=5.0 * 0.001)
-    assert np.array_equal(seen[-1]["action"], np.float32([0.4, -1.0, -1.0]))
+    last = measurements[-1]
+    assert env.observation_space == space and np.array_equal(observation, np.float32(last["imu"][:3] / 100.0))
+    assert last.keys() == {"ahead", "target_speed", "crank_speed", "action", "encoder", "tracking", "imu"}
+    assert last["target_speed"] == -0.05 and abs(last["crank_speed"] - 105.0) < 5.0
+    assert last["ahead"] == pytest.approx(info["body_position"] - info["target_position"], abs=5.0 * 0.001)
+    assert np.array_equal(last["action"], np.float32([0.4, -1.0, -1.0]))
     with pytest.raises(ValueError, match="observation, observation_space: give both, or none"):
         Crawl(observation=acceleration)

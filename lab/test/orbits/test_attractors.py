@@ -47,10 +47,11 @@ def test_a_motion_to_which_only_the_scenes_own_start_leads_is_named_and_has_no_s
 def test_exponents_are_those_of_the_orbits_multipliers(two):
     """A periodic motion repeats its states, and a disturbance shrinks by the multiplier within three turns."""
     slower = vibro_lab.find_orbit(TWO, turns=3)  # of the scene's own start
-    same = next(attractor for attractor in two if attractor.mean_speed == pytest.approx(slower.mean_speed, abs=1e-9))
-    assert np.abs(same.multipliers[0]) == pytest.approx(np.abs(slower.multipliers[0]), abs=1e-6)
-    assert same.exponent == pytest.approx(math.log(abs(slower.multipliers[0])) / slower.period, abs=1e-4)
-    assert same.exponent_spread == 0.0 and same.states.shape == (3, len(TurnMap(TWO).names))
+    attractor_of_orbit = next(attractor for attractor in two
+                              if attractor.mean_speed == pytest.approx(slower.mean_speed, abs=1e-9))
+    assert np.abs(attractor_of_orbit.multipliers[0]) == pytest.approx(np.abs(slower.multipliers[0]), abs=1e-6)
+    assert attractor_of_orbit.exponent == pytest.approx(math.log(abs(slower.multipliers[0])) / slower.period, abs=1e-4)
+    assert attractor_of_orbit.exponent_spread == 0.0 and attractor_of_orbit.states.shape == (3, len(TurnMap(TWO).names))
 
 
 def test_more_starts_are_the_same_ones_and_others(two):
@@ -82,8 +83,8 @@ def test_grouping_has_one_rule():
     assert sum(attractor.share for attractor in grouped) == pytest.approx(1.0)
     assert math.isnan(grouped[-1].spread) and (grouped[-1].least, grouped[-1].largest) == (0.3, 0.5)
     assert "300.00 to 500.00 mm/s, not settled (2 of 6 starts, 10 to 70 %)" in grouped.in_words()
-    alone, _ = group_starts([None], [-0.1])
-    assert alone.in_words() == "-100.00 mm/s, not settled"
+    unsettled, _ = group_starts([None], [-0.1])
+    assert unsettled.in_words() == "-100.00 mm/s, not settled"
     assert math.isnan(grouped[0].exponent)
 
 

@@ -84,8 +84,8 @@ def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction,
     guess = earlier.unknowns + part * (later.unknowns - earlier.unknowns)
     across = np.eye(len(start.unknowns))[-1]
     unknowns, _ = corrected_orbit(earlier.family, guess, across)
-    _, (there,) = earlier.family.recut(start.family.phase, [unknowns])
-    assert there == pytest.approx(start.unknowns, abs=1e-9)
+    _, (at_first_cut,) = earlier.family.recut(start.family.phase, [unknowns])
+    assert at_first_cut == pytest.approx(start.unknowns, abs=1e-9)
 
 
 def test_a_compliant_plate_is_grazed_and_passed():

@@ -33,10 +33,10 @@ def verdict(orbits, settings: ContinuationSettings) -> list[tuple[str, float]]:
         along = direction * np.eye(len(family.units) + 1)[-1]
         start = np.append(turn_map.read(orbits[kind].state) * turn_map.units / family.units, family.scaled(scene[name]))
         unknowns, _ = corrected_orbit(family, start, along)
-        wanted = len(points) + len(expected)
+        needed = len(points) + len(expected)
         for pair in follow(point_at(family, unknowns, along)):
             points += [(special.kind, special.point.value) for special in special_points(*pair)]
-            if len(points) >= wanted:
+            if len(points) >= needed:
                 break
     return points
 

@@ -102,8 +102,8 @@ def test_the_map_of_a_section_is_that_of_another_integrator():
     matrix = np.empty((4, 4))
     for k, unit in enumerate(turn_map.units):
         step = 1e-4 * unit * np.eye(4)[k]
-        moved = [section_map(robot, turn_map.phase, state + sign * step)[0] for sign in (1.0, -1.0)]
-        matrix[:, k] = (moved[0] - moved[1]) / 2e-4 / turn_map.units
+        ends = [section_map(robot, turn_map.phase, state + sign * step)[0] for sign in (1.0, -1.0)]
+        matrix[:, k] = (ends[0] - ends[1]) / 2e-4 / turn_map.units
     by_device, _ = derivative(turn_map, turn_map.read(orbit.state))
     assert by_device == pytest.approx(matrix, abs=1e-6)  # 1e-4² of the curvature
     assert in_order(orbit.multipliers) == pytest.approx(in_order(np.linalg.eigvals(matrix)), abs=1e-6)
@@ -112,23 +112,23 @@ def test_the_map_of_a_section_is_that_of_another_integrator():
 def test_a_heavy_flywheel_has_the_orbit_and_the_multipliers_of_the_ideal_motor():
     """A67. Off by O(1/J); and one more multiplier, which nears 1 as exp(-T (b + K²/R)/J) does, but for the part of the
     masses' torque that changes with the speed."""
-    apart = []
+    differences = []
     for inertia in (0.2, 0.4):
         robot = scene("damped", VOLTS, {"motor.crank_inertia": inertia, "motor.speed": 100.0, "motor.voltage": 16.35})
         orbit = vibro_lab.find_orbit(robot)
         turning = 2.0 * math.pi / orbit.period
         ideal = robot.with_parameters({"effects.motor": "ideal", "motor.speed": turning})
-        there = TurnMap(ideal, orbit.state.crank_angle)
-        state = there.read(orbit.state)
+        ideal_map = TurnMap(ideal, orbit.state.crank_angle)
+        state = ideal_map.read(orbit.state)
         closes = vibro_lab.find_orbit(ideal)
-        apart.append([abs(orbit.mean_speed / closes.mean_speed - 1.0),
+        differences.append([abs(orbit.mean_speed / closes.mean_speed - 1.0),
                       np.abs(orbit.multipliers[1:3] - closes.multipliers[:2]).max(),
-                      np.abs(there(state).state - state).max()])
-        constant, whole, resistance, _, b = motor_numbers(robot)
+                      np.abs(ideal_map(state).state - state).max()])
+        constant, total_inertia, resistance, _, b = motor_numbers(robot)
         rate = -math.log(orbit.multipliers[0].real) / orbit.period
-        assert rate * whole == pytest.approx(b + constant**2 / resistance, rel=0.5)
-    assert np.array(apart[0]) / apart[1] == pytest.approx(2.0, rel=0.05)
-    assert max(apart[1]) < 1e-2
+        assert rate * total_inertia == pytest.approx(b + constant**2 / resistance, rel=0.5)
+    assert np.array(differences[0]) / differences[1] == pytest.approx(2.0, rel=0.05)
+    assert max(differences[1]) < 1e-2
 
 
 def test_the_fall_of_the_sommerfeld_effect_is_a_fold():
@@ -169,14 +169,14 @@ def test_motions_of_a_controller_are_told_within_the_jitter_of_its_samples():
     assert all(motion.is_same(motions[0]) for motion in motions)
     device = vibro_ros.Simulator(machine())
     device.advance_to(20.0)
-    begun = device.state.body_position
+    begin = device.state.body_position
     device.advance_to(20.0 + 400 * math.pi / 100.0)
-    mean = (device.state.body_position - begun) / (4.0 * math.pi)
+    mean = (device.state.body_position - begin) / (4.0 * math.pi)
     assert motions[0].mean_speed == pytest.approx(mean, rel=1e-3)
     turn_map = TurnMap(machine(), 1.0)
-    seen = turn_map.cuts(device, 200).states
-    assert max(np.ptp(seen[half::2], axis=0).max() for half in (0, 1)) < 0.5 * JITTER
-    assert np.ptp(seen, axis=0).max() > 10.0 * JITTER  # its two turns are not motion
+    states = turn_map.cuts(device, 200).states
+    assert max(np.ptp(states[half::2], axis=0).max() for half in (0, 1)) < 0.5 * JITTER
+    assert np.ptp(states, axis=0).max() > 10.0 * JITTER  # its two turns are not motion
 
 
 def test_a_crank_that_does_not_come_round_is_told():

@@ -20,17 +20,17 @@ def scene(name, **changes):
 @pytest.mark.parametrize("damping", [3.0, 21.0])
 def test_a_linear_mass_has_the_real_parts_of_its_eigenvalues(damping):
     """A43. For an oscillating and for an overdamped mass."""
-    alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": damping, "upper.gap": 0.03})
-    expected = np.sort(np.roots([alone["mass.upper"], damping, alone["upper.spring.stiffness"]]).real)[::-1]
-    spectrum = vibro_lab.lyapunov_spectrum(alone)
+    robot = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": damping, "upper.gap": 0.03})
+    expected = np.sort(np.roots([robot["mass.upper"], damping, robot["upper.spring.stiffness"]]).real)[::-1]
+    spectrum = vibro_lab.lyapunov_spectrum(robot)
     assert spectrum.exponents == pytest.approx(expected, abs=1e-4)
     assert (spectrum.turns, spectrum.spread.tolist()) == (1, [0.0, 0.0])
 
 
 def test_a_run_finds_the_same_but_for_the_phase_that_a_complex_pair_ends_in():
     """The phase changes each exponent of the pair by about 1 / (turns T); their sum is exact."""
-    alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0, "upper.gap": 0.03})
-    exponents = spectrum_from(TurnMap(alone), np.array([3.0, 0.1]), 200).exponents
+    robot = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0, "upper.gap": 0.03})
+    exponents = spectrum_from(TurnMap(robot), np.array([3.0, 0.1]), 200).exponents
     assert exponents == pytest.approx([-15.0, -15.0], abs=1.0 / (200 * 0.0628))
     assert exponents.sum() == pytest.approx(-30.0, abs=1e-6)
 

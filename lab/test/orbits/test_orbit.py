@@ -99,18 +99,18 @@ def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences
     robot = scene(name)
     orbit = vibro_lab.find_orbit(robot, turns)
     for ahead in (0.1, -0.1):
-        there = TurnMap(robot, (orbit.state.crank_angle + ahead) % (2.0 * math.pi))
+        other_map = TurnMap(robot, (orbit.state.crank_angle + ahead) % (2.0 * math.pi))
         device = vibro_ros.Simulator(robot)
         turn_map = TurnMap(robot, orbit.state.crank_angle)
         turn_map.put(device, turn_map.read(orbit.state))
         device.advance_to((ahead / SPEED) % PERIOD)
-        closed = fixed_point(there, there.read(device.state), turns)
-        other = orbit_at(there, closed, turns)
+        closed = fixed_point(other_map, other_map.read(device.state), turns)
+        other = orbit_at(other_map, closed, turns)
         assert other.mean_speed == pytest.approx(orbit.mean_speed, abs=1e-12)
         large = np.abs(orbit.multipliers) > 1e-3
         assert in_order(other.multipliers[large]) == pytest.approx(in_order(orbit.multipliers[large]), abs=1e-6)
         for step in (1e-4, 1e-6):
-            other = np.linalg.eigvals(derivative(there, closed.state, turns, step)[0])
+            other = np.linalg.eigvals(derivative(other_map, closed.state, turns, step)[0])
             other = other[np.abs(other) > 1e-3]
             assert in_order(other) == pytest.approx(in_order(orbit.multipliers[large]), abs=1e-5)
 

@@ -32,11 +32,11 @@ def test_states_at_cuts_are_those_of_the_turn_map():
     state = turn_map.read(Stroboscope(turn_map).turn_map.sample(np.full(7, 0.1)))
     stroboscope = Stroboscope(turn_map)
     stroboscope.begin(state)
-    seen = stroboscope.turns(3), stroboscope.turns(2)
-    for number, cut in enumerate(np.concatenate([part.states for part in seen]), 1):
+    parts = stroboscope.turns(3), stroboscope.turns(2)
+    for number, cut in enumerate(np.concatenate([cuts.states for cuts in parts]), 1):
         end = turn_map(state, number)
         assert cut == pytest.approx(end.state, abs=1e-9)
-    assert seen[1].positions[-1] == pytest.approx(end.advance, abs=1e-12)
+    assert parts[1].positions[-1] == pytest.approx(end.advance, abs=1e-12)
 
 
 @pytest.mark.parametrize("angle", [0.0, 2.0, 5.5])

@@ -30,8 +30,8 @@ def test_the_interval_is_that_of_a_t_test(count):
 
 def test_starts_are_independent_and_repeatable():
     scene = vibro_ros.load_scene("damped")
-    first, again = (np.array([speed(scene, number, 0.2) for number in range(6)]) for _ in range(2))
-    assert np.array_equal(first, again) and len(np.unique(first)) == 6
+    first, repeated = (np.array([speed(scene, number, 0.2) for number in range(6)]) for _ in range(2))
+    assert np.array_equal(first, repeated) and len(np.unique(first)) == 6
     device = drawn_start(scene, 3)
     device.advance_to(3.0)
     assert device.state.motor_speed == scene["motor.speed"]

@@ -223,14 +223,14 @@ def test_the_page_is_the_one_that_its_verdicts_make(tmp_path):
         assert (DOCS / command.FOLDER / file_name(reading)).read_bytes().startswith(b"\x89PNG")
 
 
-def of(reading, span):
+def verdict_of(reading, span):
     [verdict] = [verdict for verdict in JUDGEMENTS if (verdict.reading, verdict.span) == (reading, span)]
     return verdict
 
 
 def test_every_reading_has_a_verdict_for_each_of_its_spans():
-    wanted = [(reading, span) for reading in full_effort().readings for span in spans(reading)]
-    assert [(verdict.reading, verdict.span) for verdict in JUDGEMENTS] == wanted
+    expected = [(reading, span) for reading in full_effort().readings for span in spans(reading)]
+    assert [(verdict.reading, verdict.span) for verdict in JUDGEMENTS] == expected
 
 
 @pytest.mark.parametrize(("reading", "spans"), [
@@ -244,7 +244,7 @@ def test_mean_speeds_of_the_first_seconds_are_found_again(reading, spans, point)
     displaced = displacements(Batch(reading, point, full_effort().exact_starts))
     for span in spans:
         mean, spread = mean_of(speeds(displaced, span))
-        stored = of(reading, span).means[point]
+        stored = verdict_of(reading, span).means[point]
         assert stored.mean == pytest.approx(mean, rel=1e-5, abs=1e-8)
         assert stored.spread == pytest.approx(spread, rel=1e-4, abs=1e-8)
 
@@ -263,8 +263,8 @@ def test_the_answer_is_what_the_verdicts_say():
     single = {equations: sum(score(verdict.one_run) == len(CLAIMS) for verdict in verdicts)
               for equations, verdicts in every.items()}
     assert f"of our starts alone, {single['corrected']} of {len(every['corrected'])} comb" in head
-    said = [f"{single.full} of {single.runs} single runs by `{single.normal_force}`" for single in SINGLES]
-    assert len(said) == 2 and all(words in head for words in said)
+    sentences = [f"{single.full} of {single.runs} single runs by `{single.normal_force}`" for single in SINGLES]
+    assert len(sentences) == 2 and all(words in head for words in sentences)
     assert f"{single['misprint']} of {len(every['misprint'])} with the misprint" in head
     assert f"{full['misprint'] or 'none'} of {len(every['misprint'])} do" in head
     assert full["misprint"] == len(all_and_forwards(every["misprint"]))
@@ -274,8 +274,8 @@ def test_a_single_run_that_gives_every_claim_is_one_of_few():
     """The first start of `hop` at any phase gives all claims, but few of the stored runs do."""
     hop = MISPRINT._replace(equations="corrected", normal_force="hop", start=ANY_PHASE)
     verdict = next(verdict for verdict in JUDGEMENTS if (verdict.reading, verdict.span) == (hop, SPANS[0]))
-    again = {point: displacements(Batch(verdict.reading, point, 3, SPANS[0].end)) for point in points()}
-    assert single_scores(again, SPANS[0])[0] == len(CLAIMS)
+    displaced = {point: displacements(Batch(verdict.reading, point, 3, SPANS[0].end)) for point in points()}
+    assert single_scores(displaced, SPANS[0])[0] == len(CLAIMS)
     [of_hop] = [single for single in SINGLES if single.normal_force == "hop"]
     assert 0 < of_hop.full < 0.25 * of_hop.runs
 

@@ -32,9 +32,9 @@ def test_the_rare_motion_is_found_among_300_starts(tmp_path, capsys):
         device = vibro_ros.Simulator(scene)
         device.set_state(**{name: float(start[name]) for name in starts.columns[:2]})
         device.advance_to(10.0)
-        begun = device.state.body_position
+        begin = device.state.body_position
         device.advance_to(10.0 + 20 * 2.0 * np.pi / 100.0)
-        speed = (device.state.body_position - begun) / (device.time - 10.0)
+        speed = (device.state.body_position - begin) / (device.time - 10.0)
         assert speed == pytest.approx(motions["mean_speed"][number - 1], abs=1e-6)
     largest = [complex(real[0], imaginary[0]) for real, imaginary in zip(
         motions["multipliers_real"], motions["multipliers_imaginary"], strict=True)]
@@ -96,9 +96,9 @@ def test_bad_words_are_refused_in_one_line(refusal, words, message):
     assert message in refusal(main, *RARE, *words)
 
 
-@pytest.mark.parametrize(("successes", "of", "low", "high"), [
+@pytest.mark.parametrize(("successes", "total", "low", "high"), [
     (81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)])
-def test_intervals_are_those_of_a_published_table(successes, of, low, high):
+def test_intervals_are_those_of_a_published_table(successes, total, low, high):
     """A50. R. G. Newcombe, Stat. Med. 17 (1998) 857, table I, method 3."""
-    share, *interval = share_of(successes, of)
-    assert share == successes / of and interval == pytest.approx([low, high], abs=5e-5)
+    share, *interval = share_of(successes, total)
+    assert share == successes / total and interval == pytest.approx([low, high], abs=5e-5)

@@ -116,9 +116,9 @@ def follow(estimator: Estimator, robot: SensedSimulator, duration: float,
             yield estimator.estimate(), robot.state, estimator.departure
 
 
-def begun(robot: str, seed: int, difference: str = "none", **changes) -> tuple[Estimator, SensedSimulator]:
+def estimator_and_robot(name: str, seed: int, difference: str = "none", **changes) -> tuple[Estimator, SensedSimulator]:
     """Return an estimator, with `changes` of its arguments, and the robot that it is to follow."""
-    scene = believed(robot)
+    scene = believed(name)
     return (Estimator(scene, FREE, SPREAD, **{"seed": seed, "bandwidth": BANDWIDTH, **changes}),
             new_device(DIFFERENCES[difference](drawn(scene, seed), seed)))
 
@@ -127,7 +127,7 @@ def print_errors(robot: str, seeds: int, difference: str = "none") -> None:
     """Print how well 10 s of the robot's speed are known, how honest the variances are, and the false alarms."""
     index, rows, of_parameters, departures, begin = INDEX["body_velocity"], [], [], Counter[str](), time.process_time()
     for seed in range(seeds):
-        estimator, device = begun(robot, seed, difference)
+        estimator, device = estimator_and_robot(robot, seed, difference)
         for estimate, true, departure in follow(estimator, device, LASTS):
             rows.append((estimate.mean[index] - true.body_velocity, math.sqrt(estimate.variance[index])))
             if departure:
@@ -170,7 +170,7 @@ def print_faults(robot: str, seeds: int, names: list[str]) -> None:
     """Print of each fault, begun at other instants in other robots, what the twin has said within a second."""
     words_by_fault = {name: Counter[str]() for name in names}
     for seed in range(seeds):
-        estimator, device = begun(robot, seed)
+        estimator, device = estimator_and_robot(robot, seed)
         for _ in follow(estimator, device, 2.5 + 0.137 * seed):
             pass
         for name in names:
@@ -187,7 +187,7 @@ def verdicts(settings: FilterSettings) -> dict[str, str]:
     Of 2.5 s without a fault: the false alarms, and whether 90 % of the errors of the speed are below 5 mm/s. Twelve
     particles are enough for that, and cost a third of the usual forty.
     """
-    estimator, device = begun("damped at 100 rad/s", 1, particles=12, settings=settings)
+    estimator, device = estimator_and_robot("damped at 100 rad/s", 1, particles=12, settings=settings)
     rows = list(follow(estimator, device, 2.5))
     errors = [abs(estimate.mean[INDEX["body_velocity"]] - true.body_velocity) for estimate, true, _ in rows]
     verdict = {"false alarms": ", ".join({departure.words for _, _, departure in rows if departure}) or "none",

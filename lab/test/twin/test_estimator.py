@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from following import BANDWIDTH, FAULTS, FIELD, GAPS, TICK, begun, changed_verdicts, follow, measured
+from following import BANDWIDTH, FAULTS, FIELD, GAPS, TICK, changed_verdicts, estimator_and_robot, follow, measured
 
 from vibro_lab.twin.estimator import Estimator
 from vibro_lab.twin.particles import INDEX, FilterSettings, MeasuredNumber, Particle
@@ -92,7 +92,7 @@ def test_covariance_is_honest(ordinary):
     ("device at 60 rad/s", "ground's restitution of 0.3")])
 def test_variance_grows_with_what_the_scene_lacks(robot, difference):
     """From the spread of the particles alone, 34 to 48 % of these errors lay within 2.5 deviations."""
-    estimator, device = begun(robot, 0, difference)
+    estimator, device = estimator_and_robot(robot, 0, difference)
     ratios = np.array([abs(true.body_velocity - estimate.mean[INDEX["body_velocity"]])
                        / np.sqrt(estimate.variance[INDEX["body_velocity"]])
                        for estimate, true, _ in follow(estimator, device, 5.0)])
@@ -134,7 +134,7 @@ def test_fault_is_named_within_a_second(fault, changed, words):
 @pytest.mark.parametrize("fault", ["plate_stuck of upper", "none, but both plates move"])
 def test_plates_of_a_chaotic_robot(fault):
     """A plate that is commanded to move and does not is named, and one that moves is not."""
-    estimator, device = begun("device at 90 rad/s", 0)
+    estimator, device = estimator_and_robot("device at 90 rad/s", 0)
     for _ in follow(estimator, device, 2.5):
         pass
     incident, gaps = FAULTS[fault]

@@ -103,19 +103,19 @@ def test_twin_follows_the_robot_and_names_its_fault(start, bench, call):
         "rate.max_catch_up": 10.0, "tf.publish": "none"}))
     motor = bench.node.create_publisher(Float64, "motor_speed", 10)
     bench.spin_until(lambda: len(observer.estimates) > 20 and motor.get_subscription_count() == 2, "the twin")
-    begun = observer.now + round(LEARNING * SECOND)
+    begin = observer.now + round(LEARNING * SECOND)
     since = stamp_of(observer.joints) - round(SECOND * observer.joints.position[0] / FROM)  # its crank turns evenly
     motor.publish(Float64(data=TO))
     observer.spin_for(LEARNING + 2.5)
     last = (stamp_of(observer.joints) - since) / SECOND
     commanded = last - (FROM * last + 0.5 * (TO - FROM)**2 / RAMP - observer.joints.position[0]) / (FROM - TO)
-    of_twin = observer.errors(begun)
+    of_twin = observer.errors(begin)
     errors, variances = of_twin[:, :2], of_twin[:, 2:]
 
     open_loop, of_open_loop, stamps = Simulator(BELIEVED), [], np.array(sorted(observer.truth))
     open_loop.advance_to(commanded)
     open_loop.command(motor_speed=TO)
-    for at in sorted(stamp for stamp in observer.estimates if begun < stamp <= stamps[-1]):
+    for at in sorted(stamp for stamp in observer.estimates if begin < stamp <= stamps[-1]):
         open_loop.advance_to(max(open_loop.time, (at - since) / SECOND))
         truth = observer.truth[stamps[np.abs(stamps - at).argmin()]]
         of_open_loop.append(open_loop.state.body_velocity - truth[1])
@@ -133,15 +133,15 @@ def test_twin_follows_the_robot_and_names_its_fault(start, bench, call):
     assert set(observer.parameters.name) == set(WRONG)
     assert not [status.message for _, status in observer.said if "left the model" in status.message]
 
-    begun = observer.now
+    begin = observer.now
     assert call(inject, "inject_fault", fault="friction_patch", value=0.03, from_x=-100.0, to_x=100.0,
                 duration=60.0).success
     bench.spin_until(lambda: any("friction_patch" in status.message for _, status in observer.said), "the fault's name")
     at, status = next((at, status) for at, status in observer.said if "left the model" in status.message)
     assert status.level == DiagnosticStatus.WARN
     assert status.message.startswith("the robot has left the model: friction_patch of about 0.02")
-    print(f"named after {(at - begun) / SECOND:.2f} s of robot time")
-    assert (at - begun) / SECOND < 1.0, status.values
+    print(f"named after {(at - begin) / SECOND:.2f} s of robot time")
+    assert (at - begin) / SECOND < 1.0, status.values
     stop(follower)
     stop(robot)
 
@@ -164,7 +164,7 @@ def test_hostile_messages_are_refused_and_change_nothing(start, bench):
            (Float64(data=1e9), "upper_gap", "is out of range")]
     publishers = {topic: bench.node.create_publisher(type(message), topic, 10) for message, topic, _ in bad}
 
-    def heard(publisher, message, has_arrived) -> None:
+    def publish_until(publisher, message, has_arrived) -> None:
         """Publish until the message has arrived, because a best-effort reader loses what comes before it is known."""
         due = [0.0]
 
@@ -177,19 +177,19 @@ def test_hostile_messages_are_refused_and_change_nothing(start, bench):
         bench.spin_until(publish, f"the twin hears {publisher.topic_name}")
 
     for message, topic, why in bad:
-        heard(publishers[topic], message, lambda why=why: any(why in line for line in follower.lines))
+        publish_until(publishers[topic], message, lambda why=why: any(why in line for line in follower.lines))
         assert f"/{topic}: refused: " in follower.wait_for(why)
-    heard(publishers["encoder"], crank, lambda: any(pair.key == "heard on encoder" for _, status in observer.said
-                                                    for pair in status.values))
+    publish_until(publishers["encoder"], crank,
+                  lambda: any(pair.key == "heard on encoder" for _, status in observer.said for pair in status.values))
     values = {pair.key: pair.value for pair in observer.said[-1][1].values}
     assert int(values["refused"]) >= len(bad) and values["failed callbacks"] == "0"
     assert "heard on tracking" not in values and "heard on motor_speed" not in values
 
-    def is_told_late() -> bool:
+    def is_lateness_reported() -> bool:
         crank.header.stamp = (now() - Duration(seconds=1)).to_msg()
         return any("came later than twin.delay" in status.message for _, status in observer.said)
 
-    heard(publishers["encoder"], crank, is_told_late)
+    publish_until(publishers["encoder"], crank, is_lateness_reported)
     stop(follower)
 
 
@@ -206,13 +206,13 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(subscriptions
     """An infinite variance, NaN of a joint, an encoder within one turn; and messages that wait for a busy twin.
 
     No time passes: each poll is told its instant, and that of the poll before."""
-    start = bench.node.get_clock().now().nanoseconds
+    zero = bench.node.get_clock().now().nanoseconds
     types = {"odom": Odometry, "joint_states": JointState, "encoder": JointState, "tracking": PoseWithCovarianceStamped}
     publishers = {topic: bench.node.create_publisher(kind, topic, 100) for topic, kind in types.items()}
     bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()),
                      "the twin's ears")
 
-    def told(now: float, waited: float, *messages) -> list:
+    def received(now: float, waited: float, *messages) -> list:
         """Publish messages with the stamp 0.1 s; return the numbers received at the instant `now` [s], so long [s]
         after the poll before."""
         def count() -> int:
@@ -220,30 +220,30 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(subscriptions
 
         numbers, expected = [], count() + len(messages)
         for topic, message in messages:
-            message.header.stamp = Time(nanoseconds=start + SECOND // 10).to_msg()
+            message.header.stamp = Time(nanoseconds=zero + SECOND // 10).to_msg()
             publishers[topic].publish(message)
 
-        def heard() -> bool:
-            subscriptions._polled = start + round((now - waited) * SECOND)
+        def has_received() -> bool:
+            subscriptions._polled = zero + round((now - waited) * SECOND)
             numbers.extend((measured.field, measured.value)
-                           for _, measured in subscriptions.measurements(start + round(now * SECOND)))
+                           for _, measured in subscriptions.measurements(zero + round(now * SECOND)))
             return count() == expected
 
-        bench.spin_until(heard, "the messages")
+        bench.spin_until(has_received, "the messages")
         return numbers
 
     odom, joints = Odometry(), JointState(name=["upper_mass", "inclined_mass"], position=[math.nan, 0.06])
     odom.pose.covariance[:15:7] = [np.finfo(float).max, 0.0, 1e-8]
     odom.twist.covariance[:15:7] = [1e-6, 0.0, -1.0]
-    assert sorted(told(0.1, 0.02, ("odom", odom), ("joint_states", joints))) == [
+    assert sorted(received(0.1, 0.02, ("odom", odom), ("joint_states", joints))) == [
         ("body_height", 0.0), ("body_velocity", 0.0), ("inclined_position", 0.06)]
-    angles = [told(0.1, 0.02, ("encoder", JointState(name=["crank"], position=[angle])))[0][1]
+    angles = [received(0.1, 0.02, ("encoder", JointState(name=["crank"], position=[angle])))[0][1]
               for angle in (3.0, -3.0, -1.0, 3.1)]
     assert angles == pytest.approx([3.0, math.tau - 3.0, math.tau - 1.0, 3.1])
     odom.twist.covariance[0] = 1e-6
-    assert len(told(20.0, 19.8, ("odom", odom))) == 2  # this node had no time for it
+    assert len(received(20.0, 19.8, ("odom", odom))) == 2  # this node had no time for it
     assert subscriptions._node.refusals.count == 0 and subscriptions.waited == pytest.approx(19.8)
-    assert told(20.0, 0.02, ("odom", odom)) == [] and subscriptions._node.refusals.count == 1  # such a stamp
+    assert received(20.0, 0.02, ("odom", odom)) == [] and subscriptions._node.refusals.count == 1  # such a stamp
 
 
 @pytest.mark.parametrize("given, why", [

@@ -95,14 +95,18 @@ def _results(design: SweepDesign, folder: Path, execution: Execution) -> Iterato
 
 
 def check_points(design: SweepDesign) -> None:
-    """Check all points; print the number of refused ones."""
-    refused = 0
+    """Refuse a grid with a point that is no scene, and samples none of which is one; print the number of the others."""
+    refused, reason = 0, ""
     with Progress("points checked", "point", design.points) as progress:
-        for point, scene, reason in design.scenes():
-            if scene is None and design.sampling is None:
-                changes = ", ".join(f"{name} = {value}" for name, value in design.changes(point).items())
-                raise ValueError(f"point {point} ({changes}) is no scene: {reason}")
-            refused += scene is None
+        for point in range(design.points):
+            changes = design.changes(point)
+            try:
+                design.scene.with_parameters(changes)
+            except ValueError as error:
+                if design.sampling is None:
+                    values = ", ".join(f"{name} = {value}" for name, value in changes.items())
+                    raise ValueError(f"point {point} ({values}) is no scene: {error}") from error
+                refused, reason = refused + 1, str(error)
             progress.add(1)
     if refused == design.points:
         raise ValueError(f"none of {refused} points is a scene; the last one is refused because {reason}")

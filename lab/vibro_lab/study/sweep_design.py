@@ -7,7 +7,6 @@ and the samples: the sample changes fastest, then the last axis.
 import argparse
 import functools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,14 +107,6 @@ class SweepDesign:
             remainder, index = divmod(remainder, len(axis.values))
             values |= dict.fromkeys(axis.names, axis.values[index])
         return {name: values[name] for name in self.names}
-
-    def scenes(self) -> Iterator[tuple[int, Scene | None, str]]:
-        """Yield number, scene and an empty text for each point; for values that are refused, None and the reason."""
-        for point in range(self.points):
-            try:
-                yield point, self.scene.with_parameters(self.changes(point)), ""
-            except ValueError as error:
-                yield point, None, str(error)
 
     def document(self) -> dict[str, object]:
         """Everything that determines the rows, for JSON."""

@@ -269,12 +269,7 @@ class Estimator:
 
     def _advance(self, end: float) -> None:
         """Take one step, to `end` [s]."""
-        measured = self._without_frozen(thinned(
-            (measurement for measurement in self._measured if self.time < measurement.time <= end),
-            self._settings.most_measured))
-        self._measured = [measurement for measurement in self._measured if measurement.time > end]
-        commands = [command for command in self._commands if command[0] <= end]
-        self._commands = self._commands[len(commands):]
+        measured, commands = self._taken_until(end)
         self._adopt_speed(measured)
         chosen = self._random.choice(self._count, self._settings.replayed, p=self._weights)
         self._history.append(FilterStep(end, measured, commands, [self._particles[k].kept() for k in chosen],
@@ -303,6 +298,15 @@ class Estimator:
         is_due = self.time - self._resampled > 1.5 * STEP and in_use < self._settings.resampled * self._count
         if is_due or not alive.all():
             self._resample()
+
+    def _taken_until(self, end: float) -> tuple[list[MeasuredNumber], list[tuple[float, dict[str, float]]]]:
+        """Take the waiting measurements and commands up to `end` [s]; those of a frozen sensor are left out."""
+        measured = thinned((measurement for measurement in self._measured if self.time < measurement.time <= end),
+                           self._settings.most_measured)
+        self._measured = [measurement for measurement in self._measured if measurement.time > end]
+        commands = [command for command in self._commands if command[0] <= end]
+        self._commands = self._commands[len(commands):]
+        return self._without_frozen(measured), commands
 
     def _without_frozen(self, measured: list[MeasuredNumber]) -> list[MeasuredNumber]:
         """Return the measurements without those of a frozen sensor; if it gives other values, the fault is over."""
