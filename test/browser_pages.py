@@ -9,11 +9,11 @@ import pytest
 
 from tools.browser import NoBrowserError, Session, browser_program, running
 
-HERE = {"127.0.0.1", "localhost", "[::1]", "::1"}
+LOOPBACK_NAMES = {"127.0.0.1", "localhost", "[::1]", "::1"}
 NO_HOST = {"about", "blob", "data", "file"}  # schemes by which nothing leaves the machine
 
 
-class Watch:
+class PageWatch:
     """Errors that a page logs, and its requests to other hosts.
 
     A test that provokes a complaint takes it with `expect`; what is left fails the test.
@@ -23,11 +23,11 @@ class Watch:
         self.complaints: list[str] = []
 
     def follow(self, page) -> None:
-        page.on("console", lambda said: self._hear(said.type, said.text))
+        page.on("console", lambda message: self._take_console_message(message.type, message.text))
         page.on("pageerror", lambda error: self.complaints.append(f"error: {error}"))
         page.on("crash", lambda page: self.complaints.append(f"crash: {page.url}"))
-        page.on("request", lambda request: self._look(request.url))
-        page.on("websocket", lambda socket: self._look(socket.url))
+        page.on("request", lambda request: self._take_request(request.url))
+        page.on("websocket", lambda socket: self._take_request(socket.url))
 
     def expect(self, words: str) -> None:
         """Take the errors that contain `words` from the list; there must be at least one."""
@@ -35,13 +35,13 @@ class Watch:
         assert len(left) < len(self.complaints), f"no complaint holds {words!r}: {self.complaints}"
         self.complaints = left
 
-    def _hear(self, kind: str, text: str) -> None:
+    def _take_console_message(self, kind: str, text: str) -> None:
         if kind in ("error", "warning", "assert"):
             self.complaints.append(f"{kind}: {text}")
 
-    def _look(self, url: str) -> None:
+    def _take_request(self, url: str) -> None:
         parts = urlsplit(url)
-        if parts.scheme not in NO_HOST and parts.hostname not in HERE:
+        if parts.scheme not in NO_HOST and parts.hostname not in LOOPBACK_NAMES:
             self.complaints.append(f"asks another host: {url}")
 
 
@@ -62,9 +62,9 @@ def browser() -> Iterator[str]:
 
 
 @pytest.fixture
-def watch() -> Iterator[Watch]:
+def watch() -> Iterator[PageWatch]:
     """Fail the test if its pages logged an error or sent a request to another host."""
-    watch = Watch()
+    watch = PageWatch()
     yield watch
     assert watch.complaints == []
 

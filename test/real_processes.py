@@ -24,11 +24,11 @@ CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false"
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
 
 
-def wait_until(done: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
+def wait_until(done: Callable[[], bool], description: str, patience: float = PATIENCE) -> None:
     """Wait until a condition holds that this process need do nothing for."""
     deadline = time.monotonic() + patience
     while not done():
-        assert time.monotonic() < deadline, f"{what}: not within {patience} s"
+        assert time.monotonic() < deadline, f"{description}: not within {patience} s"
         time.sleep(0.002)
 
 
@@ -100,10 +100,10 @@ class Bench:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 
-    def spin_until(self, done: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
+    def spin_until(self, done: Callable[[], bool], description: str, patience: float = PATIENCE) -> None:
         deadline = time.monotonic() + patience
         while not done():
-            assert time.monotonic() < deadline, f"{what}: not within {patience} s"
+            assert time.monotonic() < deadline, f"{description}: not within {patience} s"
             self._executor.spin_once(timeout_sec=0.05)
 
     def spin_once(self) -> None:

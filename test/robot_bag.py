@@ -23,13 +23,13 @@ START = 1_763_700_000_000_000_000  # ns
 KINDS = {**{name: kind for name, kind in ROBOT_TOPICS.items() if name not in ("tf", "tf_static")},
          OPERATIONS: TOPICS[OPERATIONS].type, CHECKPOINT: TOPICS[CHECKPOINT].type}
 PLAIN = Storage()
-Told = Mapping[int, Mapping[str, float | bytes] | str]
+Inputs = Mapping[int, Mapping[str, float | bytes] | str]
 Message = tuple[str, int, bytes]
 
 
-def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = None, rate: float = 200.0,
+def robot_bag(folder: Path, scene: Scene | str, ticks: int, inputs: Inputs | None = None, rate: float = 200.0,
               checkpoints: tuple[int, ...] = (), storage: Storage = PLAIN) -> Path:
-    """Record `ticks` samples; `told` has commands, or the text of an operation, by the number of the sample."""
+    """Record `ticks` samples; `inputs` has commands, or the text of an operation, by the number of the sample."""
     scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
     settings = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | {"rate.publish": rate}
     kinds = KINDS | {SENSOR_TOPICS[name]: TOPICS[SENSOR_TOPICS[name]].type for name in sensors_on(scene)}
@@ -44,18 +44,18 @@ def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = 
         messages += [(f"/{name}", stamp, data) for name, data in rerun.published()]
         if tick in checkpoints:
             messages.append((f"/{CHECKPOINT}", stamp, holding(TOPICS[CHECKPOINT].type, rerun.device.checkpoint())))
-        for name, data in _inputs((told or {}).get(tick, {})):
+        for name, data in _inputs((inputs or {}).get(tick, {})):
             messages.append((f"/{name}", stamp, data))
             rerun.receive(name, data)
     return _written(folder, [Topic(f"/{name}", kind, 10) for name, kind in kinds.items()], messages,
                     {**custom, "written": str(len(messages))}, storage)
 
 
-def _inputs(told: Mapping[str, float | bytes] | str) -> list[tuple[str, bytes]]:
-    if isinstance(told, str):
-        return [(OPERATIONS, holding(TOPICS[OPERATIONS].type, told))]
+def _inputs(inputs: Mapping[str, float | bytes] | str) -> list[tuple[str, bytes]]:
+    if isinstance(inputs, str):
+        return [(OPERATIONS, holding(TOPICS[OPERATIONS].type, inputs))]
     return [(name, value if isinstance(value, bytes) else holding(ROBOT_TOPICS[name], value))
-            for name, value in told.items()]
+            for name, value in inputs.items()]
 
 
 def holding(kind: str, data: float | str | np.ndarray) -> bytes:
@@ -66,11 +66,11 @@ def holding(kind: str, data: float | str | np.ndarray) -> bytes:
 
 
 def rewritten(bag: Path, folder: Path, change: Callable[[list[Message]], Iterable[Message]] = list,
-              storage: Storage = PLAIN, known: bool = True, **told: str | None) -> Path:
+              storage: Storage = PLAIN, known: bool = True, **custom_data: str | None) -> Path:
     """Return the same bag with a changed list of messages, another storage, or other custom data or none."""
     with BagStream(bag) as stream:
         topics = [Topic(name, information.type_name, 10) for name, information in stream.topics.items()]
-        custom = {key: text for key, text in (stream.metadata | told).items() if known and text is not None}
+        custom = {key: text for key, text in (stream.metadata | custom_data).items() if known and text is not None}
         return _written(folder, topics, change(list(stream.messages())), custom, storage)
 
 

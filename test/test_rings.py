@@ -122,9 +122,9 @@ def test_places_in_the_code_exist(page):
 
 
 def test_rooms_are_told_in_the_words_of_the_rooms():
-    told = told_rooms("## Rooms")
-    assert told == summaries(ROOT / PACKAGE)
-    assert list(told) == [room for room in MAY_IMPORT if room]
+    documented = told_rooms("## Rooms")
+    assert documented == summaries(ROOT / PACKAGE)
+    assert list(documented) == [room for room in MAY_IMPORT if room]
 
 
 def test_no_cycle_among_modules(sources):
@@ -139,10 +139,10 @@ def test_importing_the_package_leaves_rclpy_alone():
 @pytest.mark.parametrize("package", [vibro_ros, vibro_ros.ros])
 def test_the_public_names_are_written_down_alike_for_programs_and_for_type_checkers(package):
     text = Path(package.__file__).read_text(encoding="utf-8")
-    told = {name.asname or name.name: f"{node.module}:{name.name}" for node in ast.walk(ast.parse(text))
+    documented = {name.asname or name.name: f"{node.module}:{name.name}" for node in ast.walk(ast.parse(text))
             if isinstance(node, ast.ImportFrom) and node.module != "importlib" for name in node.names}
-    assert sorted(package.__all__) == sorted(package._HOMES) == sorted(told)
-    for name, home in told.items():
+    assert sorted(package.__all__) == sorted(package._HOMES) == sorted(documented)
+    for name, home in documented.items():
         module, _, inner = home.partition(":")
         assert getattr(package, name) is getattr(sys.modules[module], inner), name
 

@@ -18,10 +18,10 @@ def example(name: str):
 def test_the_estimator_knows_more_than_the_mean_and_an_integral_knows_nothing():
     estimator = example("estimator")
     weights = estimator.learned(range(8))
-    told, integral, speeds = map(np.concatenate, zip(*(estimator.windows(seed) for seed in (100, 101, 102)),
+    estimated, integral, speeds = map(np.concatenate, zip(*(estimator.windows(seed) for seed in (100, 101, 102)),
                                                      strict=True))
     error, of_mean, of_integral = (np.sqrt(np.mean((told_speeds - speeds) ** 2))
-                                   for told_speeds in (told @ weights, speeds.mean(), integral))
+                                   for told_speeds in (estimated @ weights, speeds.mean(), integral))
     assert error < 0.75 * of_mean and of_integral > 1.0
 
 

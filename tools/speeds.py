@@ -22,9 +22,9 @@ from vibro_lab.study.measures import device_at_start, measure
 from vibro_ros.configuration.scene_file import load_scene, shipped
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.runs import core_count, in_processes
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.validity import validity_of
+from vibro_ros.simulation.workers import core_count, in_processes
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/speeds.md"

@@ -36,19 +36,12 @@ if TYPE_CHECKING:
     from vibro_ros.simulation.given_state import STATE_UNITS, motor_coordinates
     from vibro_ros.simulation.motion import SimulationError
     from vibro_ros.simulation.provenance import software
-    from vibro_ros.simulation.runs import (
-        Forks,
-        InThisProcess,
-        core_count,
-        in_order,
-        in_processes,
-        simulate,
-        simulate_many,
-    )
+    from vibro_ros.simulation.runs import simulate, simulate_many
     from vibro_ros.simulation.samples import FIELDS as SAMPLE_FIELDS
     from vibro_ros.simulation.samples import LATEST as LATEST_TIME
     from vibro_ros.simulation.samples import Samples
     from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
+    from vibro_ros.simulation.workers import Forks, InThisProcess, core_count, in_order, in_processes
 
 __all__ = ["ACCELERATIONS", "BagError", "BagStream", "COMMANDS", "Forks", "IMU_FORGETTING", "InThisProcess",
            "Incident", "JOINTS", "LATEST_TIME", "PARAMETERS", "Parameter", "Parser", "SAMPLE_FIELDS",
@@ -68,7 +61,8 @@ _NAMES_OF = {  # public names by their module; after a colon the name there, if 
     "model.parameters": "PARAMETERS:BY_NAME Parameter Value checked_parameters parameter_named quoted",
     # a device that takes commands while it runs, whole runs, many at once, and what decides their bits
     "simulation.simulator": "Simulator ToleranceWarning",
-    "simulation.runs": "Forks InThisProcess core_count in_order in_processes simulate simulate_many",
+    "simulation.runs": "simulate simulate_many",
+    "simulation.workers": "Forks InThisProcess core_count in_order in_processes",
     "simulation.samples": "LATEST_TIME:LATEST SAMPLE_FIELDS:FIELDS Samples",
     "simulation.given_state": "STATE_UNITS motor_coordinates",
     "simulation.motion": "SimulationError",

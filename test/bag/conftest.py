@@ -38,8 +38,7 @@ def _stamped(message, stamp_ns: int, frame: str):
 
 @pytest.fixture
 def published() -> dict[str, Callable[[int], bytes]]:
-    """Return messages by topic: the i-th message as rclpy publishes it, stamped START + i ms, with numbers made from i.
-    """
+    """Return messages by topic: the i-th as rclpy publishes it, stamped START + i ms, with numbers made from i."""
     def odom(i: int) -> bytes:
         message = _stamped(Odometry(child_frame_id="base_link"), START + i * 1_000_000, "odom")
         message.pose.pose.position.x, message.pose.pose.orientation.w = 0.1 * i, 1.0
@@ -75,16 +74,13 @@ def _recorded(path: Path) -> Iterator[tuple[str, int, bytes]]:
 
 @pytest.fixture
 def recorded() -> Callable[[Path], list[tuple[str, int, bytes]]]:
-    """Return a function that reads (topic, stamp, data) of an MCAP file from its beginning, whole or cut short, with
-    `mcap`.
-    """
+    """Return a function that reads (topic, stamp, data) of a whole or cut MCAP file with the package `mcap`."""
     return lambda path: list(_recorded(path))
 
 
 @pytest.fixture
 def unsealed(tmp_path, published, start_ns):
-    """Make the folder of a recorder that was killed with 60 messages on the disk; returns the folder and the messages.
-    """
+    """Make the folder of a recorder that was killed after 60 messages; return the folder and the messages."""
     def make(storage: Storage = Storage(), samples: int = 60, name: str = "run") -> tuple[Path, list]:  # noqa: B008
         folder = tmp_path / name
         sent = [("/motor_power", start_ns + i * 5_000_000, published["/motor_power"](i)) for i in range(samples)]

@@ -24,23 +24,23 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 DEEP = "[" * 100_000
 
 
-def part(folder: Path) -> Path:
-    """The bag's (first) file."""
+def first_file(folder: Path) -> Path:
+    """Return the first MCAP file of a bag."""
     return sorted(folder.glob("*.mcap"))[0]
 
 
 def edited(edit: Callable[[bytearray], bytes | bytearray | None]) -> Maker:
     """Change the bytes of the bag's file."""
     def make(folder: Path) -> None:
-        data = bytearray(part(folder).read_bytes())
-        part(folder).write_bytes(edit(data) or data)
+        data = bytearray(first_file(folder).read_bytes())
+        first_file(folder).write_bytes(edit(data) or data)
     return make
 
 
 def flipped(seed: int, name: str = "") -> Maker:
     """Flip one bit somewhere, in the file or in `name`."""
     def make(folder: Path) -> None:
-        path = folder / name if name else part(folder)
+        path = folder / name if name else first_file(folder)
         data = bytearray(path.read_bytes())
         data[random.Random(seed).randrange(len(data))] ^= 1 << random.Random(seed + 1).randrange(8)
         path.write_bytes(data)
@@ -71,7 +71,7 @@ def without_metadata(change: Maker) -> Maker:
 def torn(change: Maker) -> Maker:
     """Cut the last 100 bytes off the file, and then apply another change."""
     def make(folder: Path) -> None:
-        os.truncate(part(folder), part(folder).stat().st_size - 100)
+        os.truncate(first_file(folder), first_file(folder).stat().st_size - 100)
         change(folder)
     return make
 
@@ -79,13 +79,13 @@ def torn(change: Maker) -> Maker:
 def linked(name: str, target: str) -> Maker:
     """Put a symbolic link in the place of a file, or beside it."""
     def make(folder: Path) -> None:
-        path = part(folder) if name == "part" else folder / name
+        path = first_file(folder) if name == "part" else folder / name
         path.unlink(missing_ok=True)
         path.symlink_to(str(folder.parent / "outside" / target) if "/" not in target else target)
     return make
 
 
-def lying_length(seed: int, value: int) -> Maker:
+def wrong_length(seed: int, value: int) -> Maker:
     """Give a record another length than it has."""
     def edit(data: bytearray) -> None:
         heads = list(_heads(data))
@@ -169,7 +169,7 @@ def replaced(old: str, new: str) -> Maker:
 def piped(name: str) -> Maker:
     """Put a named pipe in the place of a file."""
     def make(folder: Path) -> None:
-        path = part(folder) if name == "part" else folder / name
+        path = first_file(folder) if name == "part" else folder / name
         path.unlink(missing_ok=True)
         os.mkfifo(path)
     return make
@@ -177,7 +177,7 @@ def piped(name: str) -> Maker:
 
 def hard_linked(folder: Path) -> None:
     """Give the file a second name outside of the bag."""
-    os.link(part(folder), folder.parent / "outside" / "same")
+    os.link(first_file(folder), folder.parent / "outside" / "same")
 
 
 OF_MCAP: dict[str, Maker] = {
@@ -187,7 +187,7 @@ OF_MCAP: dict[str, Maker] = {
     **{f"killed, cut {seed}": without_metadata(cut(seed)) for seed in (20, 21)},
     "killed, flip": without_metadata(torn(flipped(50))),
     **{f"spliced {seed}": spliced(seed) for seed in (1, 2)},
-    **{f"length {value:x}": lying_length(seed, value) for seed, value in enumerate((0, 50, 2**40, 2**64 - 1))},
+    **{f"length {value:x}": wrong_length(seed, value) for seed, value in enumerate((0, 50, 2**40, 2**64 - 1))},
     "bomb": behind_header(chunk("zstd", zeros(2**30), 2**30)),
     "bomb that lies": behind_header(chunk("zstd", zeros(2**30), 1000)),
     "many bombs": behind_header(*[chunk("zstd", zeros(100 * 2**20), 100 * 2**20)] * 200),
@@ -198,7 +198,7 @@ OF_MCAP: dict[str, Maker] = {
     "many bad records": behind_header((b"\4\1" + bytes(8)) * 20_000),
     "twice": edited(lambda data: data + data),
     "zeros at the end": edited(lambda data: data + bytes(100_000)),
-    "empty": lambda folder: part(folder).write_bytes(b"") and None,
+    "empty": lambda folder: first_file(folder).write_bytes(b"") and None,
     "magic": edited(lambda data: MAGIC),
     "label of laughs": behind_header(*labelled(LAUGHS)),
     "label of numbers": behind_header(*labelled("[1, {depth: [1]}, {depth: -1}]")),

@@ -17,7 +17,7 @@ from vibro_ros.bag.reader import BagError, load_bag
 from vibro_ros.bag.recorder import Storage
 from vibro_ros.recordings import recover, replay, report
 
-TOLD = {tick: {"motor_speed": 60.0 + tick} for tick in range(10, 120, 20)}
+INPUTS = {tick: {"motor_speed": 60.0 + tick} for tick in range(10, 120, 20)}
 STORAGES = {"mcap": Storage(), "zstd": Storage("zstd")}
 CASES = [("mcap", name, make) for name, make in (OF_MCAP | OF_METADATA).items()]
 CASES += [("zstd", name, OF_MCAP[name]) for name in ("flip 1", "noise", "killed, cut 21")]
@@ -29,7 +29,7 @@ def bags(tmp_path_factory):
     """A good bag of each storage."""
     folder = tmp_path_factory.mktemp("good")
     for name, storage in STORAGES.items():
-        robot_bag(folder / name / "run", "device", 120, TOLD, 50.0, storage=storage)
+        robot_bag(folder / name / "run", "device", 120, INPUTS, 50.0, storage=storage)
     return folder
 
 
@@ -44,10 +44,10 @@ def run(monkeypatch, capsys):
             code = main(words)
         except BaseException:
             pytest.fail(f"{main.__module__}: {traceback.format_exc()}")
-        said = capsys.readouterr()
+        output = capsys.readouterr()
         assert code in (0, 1, 2) and time.process_time() - began < SLOWEST, f"{main.__module__}: {code}"
-        assert "Traceback" not in said.err and (code != 2 or said.err.count("\n") == 1), said.err
-        return code, said.out
+        assert "Traceback" not in output.err and (code != 2 or output.err.count("\n") == 1), output.err
+        return code, output.out
     return call
 
 
@@ -86,8 +86,8 @@ def test_a_hostile_bag_is_read_or_refused(tmp_path, bags, run, storage, name, ma
     originals = [path.read_bytes() for path in folder.iterdir()
                  if path.suffix == ".mcap" and path.is_file() and not path.is_symlink()]
     code, _ = run(recover.main, str(folder))
-    again, said = run(recover.main, str(folder))
-    assert code == again and (code or "sealed already" in said)
+    again, output = run(recover.main, str(folder))
+    assert code == again and (code or "sealed already" in output)
     assert not (code and name.startswith("link as ")), "a link kept a recording from being sealed"
     run(replay.main, str(folder))
     outside = {path: digest for path, digest in tree(tmp_path).items() if path.startswith("outside")}
@@ -95,9 +95,9 @@ def test_a_hostile_bag_is_read_or_refused(tmp_path, bags, run, storage, name, ma
     assert readable(folder) >= (messages if code else max(messages, 0))
     files = [path.read_bytes() for path in folder.iterdir() if path.is_file() and not path.is_symlink()]
     for data in originals:  # cut bytes are kept beside the file
-        kept = max(_common(data, file) for file in files)
-        assert kept == len(data) or any(file.startswith(data[kept:]) or data[:kept + len(file)].endswith(file)
-                                        and kept + len(file) >= len(data) for file in files) or any(
+        common = max(_common(data, file) for file in files)
+        assert common == len(data) or any(file.startswith(data[common:]) or data[:common + len(file)].endswith(file)
+                                        and common + len(file) >= len(data) for file in files) or any(
             data.endswith(file) and _common(data, other) >= len(data) - len(file) for file in files for other in files)
 
 

@@ -81,8 +81,7 @@ def transforms(stamp, children):
 
 @pytest.fixture
 def mixed(tmp_path, published, start_ns):
-    """Return a bag with samples, two messages of transforms, one of which has too long a frame name, and an operation.
-    """
+    """Return a bag with samples, an operation, and two transforms, one of which has too long a frame name."""
     store = get_typestore(Stores.ROS2_JAZZY)
     reset = bytes(store.serialize_cdr(store.types["std_msgs/msg/String"](data="reset"), "std_msgs/msg/String"))
     with Recorder(tmp_path / "run", [*topics(), Topic("/tf", "tf2_msgs/msg/TFMessage", 10),
@@ -149,7 +148,7 @@ def test_empty_topics_give_empty_arrays_of_the_same_shape(tmp_path):
 
 
 def test_joints_of_several_publishers_have_instants_of_their_own(tmp_path, start_ns):
-    """Some joints a message, in another order, another robot's first, and messages that lack a quantity."""
+    """Messages have some of the joints, in any order, first another robot's; some lack velocities."""
     def message(**joints):
         made = new_message(TYPES["joint_states"])
         made.name = list(joints)
@@ -233,9 +232,9 @@ def test_an_unreadable_message_is_named_and_the_rest_is_read(tmp_path, published
         for i in range(6):
             recorder.write(topic, start_ns + i, data if i in (2, 4) else published[topic](i))
     with pytest.warns(BagWarning, match=rf"^.*run: not all of it is read: {topic}: 2 unreadable messages, the first is "
-                      rf"number 2 at {start_ns + 2} ns: {len(data)} bytes are no [^\n]*$") as told:
+                      rf"number 2 at {start_ns + 2} ns: {len(data)} bytes are no [^\n]*$") as warned:
         bag = read_bag(tmp_path / "run")
-    assert len(told) == 1 and len(bag.flaws) == 1
+    assert len(warned) == 1 and len(bag.flaws) == 1
     np.testing.assert_allclose(bag[topic]["time"], [0.0, 1e-9, 3e-9, 5e-9])
     assert {len(column) for column in bag[topic].values()} == {4}
     assert bag.topics[topic].messages == 6

@@ -61,12 +61,12 @@ def swap(path: Path) -> None:
     copy.replace(path)
 
 
-GONE = "run_0.mcap was removed, or replaced by another file"
+FILE_REMOVED = "run_0.mcap was removed, or replaced by another file"
 
 
 @pytest.mark.parametrize(("spoil", "storage", "written", "words"), [
-    (lambda folder: mcap_file(folder).unlink(), Storage(), 0, GONE),
-    (lambda folder: swap(mcap_file(folder)), Storage(), 0, GONE),
+    (lambda folder: mcap_file(folder).unlink(), Storage(), 0, FILE_REMOVED),
+    (lambda folder: swap(mcap_file(folder)), Storage(), 0, FILE_REMOVED),
     (shutil.rmtree, Storage(), 0, "the folder is gone"),
     (lambda folder: (folder / "run_2.mcap").mkdir(), Storage(max_duration=0.1), 200,
      "stopped: File exists; its 200 messages"),

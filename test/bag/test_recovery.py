@@ -1,6 +1,4 @@
-"""`recover`: killed, torn and damaged bags are sealed, the part that is cut off is kept, a folder that is no bag is not
-changed; and a recovery that is killed at any step can be repeated.
-"""
+"""`recover`: it seals killed, torn and damaged bags and keeps what it cuts off; killed itself, it can be repeated."""
 
 import contextlib
 import errno
@@ -33,14 +31,13 @@ from vibro_ros.recordings import recover as executable
 from vibro_ros.recordings.recover import recover
 
 KILLS = int(os.environ.get("VIBRO_ROS_KILLS", "3"))  # VIBRO_ROS_KILLS=100 for the long version
-LONGEST_LOSS = 0.1  # [s] what the recorder promises
+LONGEST_LOSS = 0.1  # [s] as the recorder promises
 
-# Writes for ever and says what it has written, [ns] of the monotonic clock; its own pauses are the machine's.
+# Records for ever; prints the stamp of each pair of messages [ns of the monotonic clock] after it is written.
 ENDLESS = """
 import sys, time
 from pathlib import Path
-from vibro_ros.bag.recorder import Recorder, Topic
-from vibro_ros.bag.recorder import Storage
+from vibro_ros.bag.recorder import Recorder, Storage, Topic
 compression, size, rate = sys.argv[2:]
 topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)]
 recorder = Recorder(Path(sys.argv[1]), topics, {"scene": "device"}, storage=Storage(compression, int(size)))
@@ -56,7 +53,7 @@ while True:
 
 
 def kill_recorder(folder: Path, storage: Storage, rate: float, after: float) -> list[int]:
-    """Record in a child process and kill it after so many seconds; returns the stamps that it has written."""
+    """Record in a child process and kill it after so many seconds; return the stamps that it has printed."""
     words = [storage.compression, str(storage.max_size), str(rate)]
     child = subprocess.Popen([sys.executable, "-c", ENDLESS, str(folder), *words], stdout=subprocess.PIPE, text=True)
     try:
@@ -66,7 +63,7 @@ def kill_recorder(folder: Path, storage: Storage, rate: float, after: float) -> 
         child.kill()
         rest, _ = child.communicate()
     assert first
-    # a line cut by the kill is no promise of the child's
+    # a line that was cut by the kill does not count
     return [int(line) for line in [first, *rest.splitlines(keepends=True)] if line.endswith("\n")]
 
 
@@ -86,10 +83,10 @@ def test_a_killed_recorder_loses_the_last_moments_only(tmp_path, attempt):
     odom = [stamp for topic, stamp, _ in messages if topic == "/odom"]
     assert power == [stamp for topic, stamp, _ in messages if topic == "/motor_power"]
     assert len(odom) - len(power) in (0, 1)
-    # the last may be there although the child could not say so any more
+    # the last message may be recorded, but not printed, when the child is killed
     assert power[:len(written)] == written[:len(power)]
     assert len(power) <= len(written) + 1
-    # what the machine itself held up is no loss of the recorder's
+    # messages that the child wrote late, because the machine paused it, are not lost by the recorder
     pause = max((later - earlier for earlier, later in zip(written, written[1:], strict=False)), default=0)
     owed = [stamp for stamp in written if stamp < written[-1] - LONGEST_LOSS * 1e9 - max(0, pause - 1e9 / rate)]
     assert len(power) >= len(owed), f"killed after {after} s: {len(owed) - len(power)} messages too few"
@@ -166,9 +163,9 @@ def test_several_bags_are_sealed_at_once_and_by_their_files(unsealed, capsys):
     (file,) = second.glob("*.mcap")
     assert unsealed_bags(first.parent) == [first, second]
     assert executable.main([str(first), str(file)]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0] == f"{first}: sealed, 60 messages, the last of 2025-11-21 04:40:00.295 UTC; no bytes lost"
-    assert told[1].startswith(f"{second}: sealed, 60 messages")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"{first}: sealed, 60 messages, the last of 2025-11-21 04:40:00.295 UTC; no bytes lost"
+    assert lines[1].startswith(f"{second}: sealed, 60 messages")
     assert unsealed_bags(first.parent) == []
 
 
@@ -285,9 +282,7 @@ def test_unreadable_folders_and_links_are_skipped(unsealed, tmp_path, monkeypatc
 
 
 def test_a_bag_that_is_sealed_during_the_search_is_not_listed_as_unsealed(tmp_path, published, monkeypatch):
-    """When several robots started at once in one folder, one of them reported that the robot of another's bag had been
-    killed.
-    """
+    """While a robot searches its folder at the start, the recorder of another robot may close its bag."""
     recorder = Recorder(tmp_path / "run", POWER, {})
     recorder.write("/motor_power", 1, published["/motor_power"](1))
     monkeypatch.setattr("vibro_ros.bag.folders.writing_processes", lambda _: recorder.close() and {})
@@ -319,14 +314,14 @@ def test_a_path_that_is_no_bag_is_refused_in_one_line_and_untouched(tmp_path, ca
     folder.mkdir()
     (folder / name).write_bytes(data)
     assert executable.main([str(folder)]) == 2
-    said = capsys.readouterr()
-    assert (said.out, said.err.count("\n")) == ("", 1)
-    assert said.err.startswith("recover: ") and reason in said.err
+    output = capsys.readouterr()
+    assert (output.out, output.err.count("\n")) == ("", 1)
+    assert output.err.startswith("recover: ") and reason in output.err
     assert content(folder) == {name: data}
 
 
 def test_a_missing_folder_and_a_foreign_file_are_refused(tmp_path, capsys):
-    with (tmp_path / "notes.txt").open("w"):  # of such a folder as /tmp it was said that a bag is in use
+    with (tmp_path / "notes.txt").open("w"):  # a file in use does not make the folder a bag in use
         assert executable.main([str(tmp_path / "none"), str(tmp_path / "notes.txt"), str(tmp_path)]) == 2
     first, second, third = capsys.readouterr().err.splitlines()
     assert third.endswith("not a bag, it holds no .mcap file; give the folder of a recording")
@@ -345,8 +340,7 @@ def counted(call: Callable, number: Iterator[int], last: int) -> Callable:
 
 
 def killed_before(folder: Path, step: int) -> bool:
-    """Recover a bag in a fork that is killed before its call number `step` that changes a file; return whether it had
-    fewer such calls."""
+    """Recover a bag in a fork, killed before call number `step` that changes a file; whether it had fewer calls."""
     if pid := os.fork():
         return os.waitpid(pid, 0)[1] == 0
     try:
@@ -356,7 +350,7 @@ def killed_before(folder: Path, step: int) -> bool:
         recover(folder)
         os._exit(0)
     finally:
-        os._exit(1)  # it must not go on as its parent
+        os._exit(1)  # the child must not go on with its parent's tests
 
 
 def test_a_recovery_that_was_killed_at_any_step_can_be_repeated(tmp_path, unsealed):

@@ -140,10 +140,10 @@ def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published,
 
 
 def test_each_file_begins_with_the_messages_that_are_published_once(tmp_path, published, start_ns):
-    folder, said = tmp_path / "run", published["/motor_power"](7)
+    folder, latched = tmp_path / "run", published["/motor_power"](7)
     topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 1, True)]
     with Recorder(folder, topics, {}, storage=SPLITS["size"]) as recorder:
-        recorder.announce({}, [("/motor_power", said)])
+        recorder.announce({}, [("/motor_power", latched)])
         for i in range(400):
             recorder.write("/odom", start_ns + i * PERIOD, published["/odom"](i))
     files = [folder / file["path"] for file in metadata(folder)["files"]]
@@ -151,7 +151,7 @@ def test_each_file_begins_with_the_messages_that_are_published_once(tmp_path, pu
     messages = by_rosbags(folder)
     firsts = [file["starting_time"]["nanoseconds_since_epoch"] for file in metadata(folder)["files"]]
     assert [message for message in messages if message[0] == "/motor_power"] == [
-        ("/motor_power", first, said) for first in firsts]
+        ("/motor_power", first, latched) for first in firsts]
     assert [stamp for topic, stamp, _ in messages if topic == "/odom"] == [start_ns + i * PERIOD for i in range(400)]
     assert (recorder.written, recorder.dropped, recorder.lost) == (400 + len(files), 0, 0)
 

@@ -153,9 +153,7 @@ def test_an_error_in_a_base_scene_names_the_file_of_that_scene(scene_file, tmp_p
 
 
 def test_parameters_of_every_ros_node_are_ignored(scene_file):
-    """`ros2 param dump` writes parameters that every node has, such as `use_sim_time`; they are not parameters of a
-    scene.
-    """
+    """`ros2 param dump` also writes parameters of every node, such as `use_sim_time`, which no scene has."""
     path = scene_file("/vibro_robot:\n  ros__parameters:\n    mass:\n      body: 2.0\n    scene: device\n"
                       "    start_type_description_service: true\n    use_sim_time: false\n"
                       "    qos_overrides:\n      /clock:\n        subscription:\n          depth: 1\n")

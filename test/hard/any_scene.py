@@ -19,16 +19,16 @@ SIDES = ("upper", "inclined")
 _TABLE = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 # Where a range spans decades down to zero, the decades drawn end this far below the default or, where that is 0, at 1.
 _DECADES = 3.0
-_OTHERWISE = {"effects.misprint", "guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed",
-              "ground.static_friction", "ground.friction_backward", "motor.voltage", "motor.static_friction"}
+_DRAWN_TOGETHER = {"effects.misprint", "guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed",
+                   "ground.static_friction", "ground.friction_backward", "motor.voltage", "motor.static_friction"}
 _STARTS = "start.state"
 _DRAWN_ALONE = [parameter for name, parameter in _TABLE.items()
-                if name not in _OTHERWISE and not name.startswith(("solver.", "sensors."))
+                if name not in _DRAWN_TOGETHER and not name.startswith(("solver.", "sensors."))
                 and (name == _STARTS or not name.startswith("start."))]
 _FIXED = {"solver.accounts": True}
 # Values of a rich scene, each as likely; of a choice, all but `none`.
-_RICH = {"effects.upper_mass": [True], "effects.inclined_mass": [True], "effects.adhesion": [True, False],
-         "effects.reaction": [True, True, False], "effects.mass_weight": [True, False]}
+_RICH_VALUES = {"effects.upper_mass": [True], "effects.inclined_mass": [True], "effects.adhesion": [True, False],
+                "effects.reaction": [True, True, False], "effects.mass_weight": [True, False]}
 
 
 def draw_scenario(rng):
@@ -58,57 +58,57 @@ def slowest_time(scene):
 
 
 def _command(rng, scene):
-    """Draw the keywords of a command: another speed, and gaps equal to the scene's or some tenths of a millimetre away
-    from them.
-    """
+    """Draw the keywords of a command: a speed, and gaps equal to the scene's or some tenths of a millimetre off."""
     factor, faster = _one_of(rng, [0.0, 0.5, 1.0, 2.0]), _one_of(rng, [0.0, 10.0])
-    wanted = {"motor_speed": min(scene["motor.max_speed"], abs(scene["motor.speed"]) * factor + faster)}
-    wanted["motor_speed"] *= _one_of(rng, [1.0, -1.0])
+    commands = {"motor_speed": min(scene["motor.max_speed"], abs(scene["motor.speed"]) * factor + faster)}
+    commands["motor_speed"] *= _one_of(rng, [1.0, -1.0])
     if scene.motor_command == "motor_voltage":
-        wanted = {"motor_voltage": _between(rng, -1.0, 1.0) * scene["motor.supply_voltage"]}
+        commands = {"motor_voltage": _between(rng, -1.0, 1.0) * scene["motor.supply_voltage"]}
     if scene.linkage and scene["effects.motor"] == "ideal":  # whose speed may not jump then
-        wanted = {}
+        commands = {}
     for side in SIDES:
         gap, rod = scene[f"{side}.gap"] + _one_of(rng, [0.0, 1e-4, -1e-4, 1e-3, -1e-3]), scene[f"crank.{side}_rod"]
-        wanted[f"{side}_gap"] = min(max(gap, -rod), rod)
-    return wanted
+        commands[f"{side}_gap"] = min(max(gap, -rod), rod)
+    return commands
 
 
 def _values(rng):
     """Draw the values of all parameters."""
     seed = int(rng.integers(2**63))
 
-    def of(name):
+    def rng_of(name):
         return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
-    wild, rich = _one_of(of("wild"), [False, False, True]), _one_of(of("rich"), [False, True, True])
-    values = _FIXED | {parameter.name: _value(of(parameter.name), parameter, wild, rich) for parameter in _DRAWN_ALONE}
+    wild, rich = _one_of(rng_of("wild"), [False, False, True]), _one_of(rng_of("rich"), [False, True, True])
+    values = dict(_FIXED)
+    for parameter in _DRAWN_ALONE:
+        values[parameter.name] = _value(rng_of(parameter.name), parameter, wild, rich)
     if rich:
         values |= _compatible(values)
-        values["ground.friction"] *= _one_of(of("less friction"), [1.0, 0.1])  # or most bodies would hardly slip
-    values |= _geometry(of("geometry"), values)
+        values["ground.friction"] *= _one_of(rng_of("less friction"), [1.0, 0.1])  # or most bodies would hardly slip
+    values |= _geometry(rng_of("geometry"), values)
     values |= {f"mass.{side}_slider": 0.0 for side in SIDES if not values[f"effects.{side}_mass"]}
-    speed = of("motor.speed")
+    speed = rng_of("motor.speed")
     values["motor.speed"] = min(values["motor.max_speed"], _number(speed, _TABLE["motor.speed"], wild))
     values["motor.speed"] *= _one_of(speed, [1.0, -1.0])
     if values["effects.motor"] == "dc":
         values["motor.speed"] *= _one_of(speed, [1.0, 1.0, 0.0])
-        values["motor.voltage"] = _between(of("motor.voltage"), -1.0, 1.0) * values["motor.supply_voltage"]
+        values["motor.voltage"] = _between(rng_of("motor.voltage"), -1.0, 1.0) * values["motor.supply_voltage"]
         values["motor.static_friction"] = min(
-            1e6, values["motor.friction"] * _one_of(of("motor.static_friction"), [1.0, 1.2, 3.0]))
-        values["crank.radius"] *= _one_of(of("shorter crank"), [0.99, 0.3])
-    values["effects.misprint"] = _may_be_misprinted(values) and _one_of(of("effects.misprint"), [False, True])
+            1e6, values["motor.friction"] * _one_of(rng_of("motor.static_friction"), [1.0, 1.2, 3.0]))
+        values["crank.radius"] *= _one_of(rng_of("shorter crank"), [0.99, 0.3])
+    values["effects.misprint"] = _may_be_misprinted(values) and _one_of(rng_of("effects.misprint"), [False, True])
     values["ground.static_friction"] = min(
-        1e3, values["ground.friction"] * _one_of(of("ground.static_friction"), [1.0, 1.2, 3.0]))
+        1e3, values["ground.friction"] * _one_of(rng_of("ground.static_friction"), [1.0, 1.2, 3.0]))
     if values["effects.friction"] == "coulomb":
         values["ground.friction_backward"] = _one_of(
-            of("ground.friction_backward"), [-1.0, min(1e3, values["ground.friction"] * 3.0), 0.0])
-    return values | _given_start(of("start"), values) if values[_STARTS] == "given" else values
+            rng_of("ground.friction_backward"), [-1.0, min(1e3, values["ground.friction"] * 3.0), 0.0])
+    return values | _given_start(rng_of("start"), values) if values[_STARTS] == "given" else values
 
 
 def _value(rng, parameter, wild, rich):
-    if rich and parameter.name in _RICH:
-        return _one_of(rng, _RICH[parameter.name])
+    if rich and parameter.name in _RICH_VALUES:
+        return _one_of(rng, _RICH_VALUES[parameter.name])
     if isinstance(parameter.default, bool):
         return _one_of(rng, [parameter.default, parameter.default, not parameter.default])
     if parameter.choices:
@@ -117,9 +117,7 @@ def _value(rng, parameter, wild, rich):
 
 
 def _number(rng, parameter, wild):
-    """Draw a number within a factor of three of the default, or from all legal decades if `wild`, or the default, or
-    zero.
-    """
+    """Draw a number: near the default, the default itself, zero, or from all legal decades if `wild`."""
     if parameter.maximum <= 1.0:
         return _one_of(rng, [_between(rng, 0.0, 1.0), _one_of(rng, [0.0, 0.5, 1.0])])
     if _one_of(rng, [False, False, True]):
@@ -144,9 +142,9 @@ def _may_be_misprinted(values):
     """Whether the scene may have the misprint; other robots with the misprint are nearly always refused, so that the
     draw would be repeated.
     """
-    both = values["effects.upper_mass"] and values["effects.inclined_mass"]
+    has_both_masses = values["effects.upper_mass"] and values["effects.inclined_mass"]
     plate = values["effects.inclined_contact"] == "compliant" and values["inclined.plate.stiffness"] > 0.0
-    return both and plate and not values["effects.reaction"]
+    return has_both_masses and plate and not values["effects.reaction"]
 
 
 def _geometry(rng, values):
@@ -167,9 +165,7 @@ def _gap(rng, lengths):
 
 
 def _given_start(rng, values):
-    """Draw a given start for the coordinates of the scene: masses near their plates, not deep in them, moving in any
-    direction.
-    """
+    """Draw a given start: masses near their plates, not deep in them, moving in any direction."""
     start = {"start.crank_angle": _between(rng, -50.0, 50.0)}
     speed = values["crank.radius"] * abs(values["motor.speed"])
     for side in SIDES:
@@ -194,7 +190,5 @@ def _between(rng, low, high):
 
 
 def _one_of(rng, values):
-    """Draw one of `values` with equal probability; numpy's choice is not used, because it would convert the value to a
-    type of numpy.
-    """
+    """Draw one of `values` with equal probability; numpy's choice would convert it to a type of numpy."""
     return values[rng.integers(len(values))]

@@ -26,9 +26,7 @@ LEAST = {"effects.reaction True": 50, "effects.adhesion False": 55, "effects.mas
 
 @pytest.mark.parametrize("first", range(0, 1000, PART))
 def test_invariants_in_1000_random_scenes(first):
-    """A33. Each check tests a property of every scene; `check_coverage` requires that the tested situations occur often
-    enough.
-    """
+    """A33. Every scene has the properties; `check_coverage` requires that the situations occur often enough."""
     seen = Counter()
     for seed in range(first, first + PART):
         seen.update(check_scene(seed))
@@ -99,10 +97,10 @@ def cut_run(scene, commands, end, rng):
 def sampled_run(scene, commands, end):
     """Simulator after the run, its samples as a dict of arrays, and its events in the order they ended."""
     device, times, parts = vibro_ros.Simulator(scene), np.linspace(0.0, end, SAMPLES), []
-    for at, wanted in commands:
+    for at, command in commands:
         parts.append(device.sample(times[(times >= device.time) & (times < at)]))
         device.advance_to(at)
-        device.command(**wanted)
+        device.command(**command)
     parts.append(device.sample(times[times >= device.time]))
     rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
     return device, rows, device.take_events()
@@ -141,9 +139,7 @@ def check_finite(rows):
 
 
 def check_events(events, end):
-    """Check that events are in the order in which they ended, that contacts last, and that neither speed nor force is
-    negative.
-    """
+    """Check that events are in the order of their ends, that contacts last, and that no speed or force is < 0."""
     assert (events["duration"] >= 0.0).all() and (events["time"] >= 0.0).all()
     ended = events["time"] + events["duration"]
     assert (np.diff(ended) >= -1e-14 * end).all()
@@ -256,9 +252,7 @@ def check_friction(scene, rows):
 
 
 def check_rest(scene, rows, events):
-    """Check that the body stands, with speed exactly 0 at one position, after a `stick` and until the next event of the
-    friction.
-    """
+    """Check that the body stands exactly still after a `stick`, until the next event of the friction."""
     changes = events[np.isin(events["kind"], MODE_EVENTS)]
     last = np.searchsorted(changes["time"], rows["time"], side="right") - 1
     sticks = np.flatnonzero(changes["kind"] == "stick")
@@ -321,9 +315,7 @@ def series_rounding(scene, device):
 
 
 def stored_energy(scene, rows):
-    """Energy that the drive springs may store [J], because rounding in putting a mass on its plate changes the energy
-    in proportion to it.
-    """
+    """Energy that the drive springs may store [J]; rounding of a mass's position on its plate scales with it."""
     return sum(0.5 * scene[f"{side}.spring.stiffness"] * (scene[f"crank.{side}_rod"] + scene["crank.radius"]
                                                           + np.abs(rows[f"{side}_position"]).max()) ** 2
                for side in scene.guides)

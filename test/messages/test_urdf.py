@@ -40,10 +40,10 @@ def inertias(kinematics: Kinematics):
     """Name, mass and matrix of inertia of each link that has them."""
     for link in kinematics.robot.iter("link"):
         if (inertial := link.find("inertial")) is not None:
-            told = {name: float(value) for name, value in inertial.find("inertia").attrib.items()}
-            x, y, z = (told[f"i{axis}{axis}"] for axis in "xyz")
-            matrix = np.array([[x, told["ixy"], told["ixz"]], [told["ixy"], y, told["iyz"]],
-                               [told["ixz"], told["iyz"], z]])
+            moments = {name: float(value) for name, value in inertial.find("inertia").attrib.items()}
+            x, y, z = (moments[f"i{axis}{axis}"] for axis in "xyz")
+            matrix = np.array([[x, moments["ixy"], moments["ixz"]], [moments["ixy"], y, moments["iyz"]],
+                               [moments["ixz"], moments["iyz"], z]])
             yield link.get("name"), float(inertial.find("mass").get("value")), matrix
 
 

@@ -159,9 +159,7 @@ def test_a_coefficient_of_zero_gives_the_bits_of_no_friction(name, law):
 
 
 def test_a_static_coefficient_alone_is_friction():
-    """Friction is left out only if both coefficients are zero: static friction may hold a body that nothing brakes once
-    it slips.
-    """
+    """Without kinetic friction, static friction alone may hold a body, so that friction is not left out."""
     scene = vibro_ros.load_scene("unilateral").with_parameters({
         "effects.friction": "static", "ground.friction": 0.0, "ground.static_friction": 0.2})
     events = vibro_ros.simulate(scene, duration=0.2, rate=100.0).events

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from commanded_device import assert_balanced, suffer
+from commanded_device import assert_balanced, disturb_in_every_way
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
@@ -58,7 +58,7 @@ def trajectory(scene, piece):
         device.advance_to(instant)
         states.append(dataclasses.astuple(device.state))
         if instant == FAULTS:
-            suffer(device)
+            disturb_in_every_way(device)
         if instant == CHANGED:  # the devices that go on from checkpoints begin without these changes
             device.set_parameters(CHANGES)
         if scene.motor_command == "motor_voltage" and "motor_speed" in change:

@@ -67,9 +67,7 @@ def random_point(forms: Forms) -> np.ndarray:
 
 
 def balanced_point(row: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return values of the channels for which the terms of a form have similar magnitudes, so that no term hides
-    another.
-    """
+    """Return values of the channels for which no term of a form hides another by its magnitude."""
     size = np.abs(np.where(row == 0.0, 1.0, row))
     z = random.choice([-1.0, 1.0], len(row)) * random.uniform(0.5, 1.5, len(row)) * size[-1] / size
     z[-1] = 1.0

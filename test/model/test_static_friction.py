@@ -110,9 +110,9 @@ def scene(name="damped", **changes):
 def distances(limit, speeds, duration=0.5):
     """Greatest distance [m] of the body from its motion in the scene `limit`, for each v_s."""
     times = np.linspace(0.0, duration, 501)
-    wanted = vibro_ros.simulate(limit, times=times).body_position
+    expected = vibro_ros.simulate(limit, times=times).body_position
     return [abs(vibro_ros.simulate(scene(**{"ground.stribeck_speed": speed}), times=times).body_position
-                - wanted).max() for speed in speeds]
+                - expected).max() for speed in speeds]
 
 
 def test_a_slow_decay_tends_to_coulombs_law_with_the_static_coefficient():

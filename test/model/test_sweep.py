@@ -22,7 +22,7 @@ def caches():
     return [function for module in modules for function in vars(module).values() if hasattr(function, "cache_clear")]
 
 
-def forget():
+def clear_caches():
     """Forget everything that has been compiled, so that earlier tests do not matter."""
     for cache in caches():
         cache.cache_clear()
@@ -67,7 +67,7 @@ def test_tables_of_a_changed_scene_are_those_of_a_process_that_compiled_no_other
     tables(base)
     after_others = [tables(scene) for scene in changed.values()]
     for scene, warm in zip(changed.values(), after_others, strict=True):
-        forget()
+        clear_caches()
         assert warm == tables(scene)
 
 
@@ -80,23 +80,23 @@ OF_EFFECTS = {"ModeSet", "_guard_indices", "_equation_terms", "_terms_by_mode", 
 ALL = OF_EFFECTS | {"signal_table", "_longest_segments", "_compile_machine", "check_machine"}
 
 
-@pytest.mark.parametrize(("name", "parameter", "kept"), [
+@pytest.mark.parametrize(("name", "parameter", "unchanged"), [
     ("device", "guide.angle", OF_EFFECTS), ("device", "upper.spring.damping", OF_EFFECTS | {"signal_table"}),
     ("damped", "ground.friction", OF_EFFECTS | {"signal_table", "_longest_segments"}),
     ("machine", "motor.supply_voltage", OF_EFFECTS | {"signal_table", "_longest_segments"}),
     ("device", "motor.max_speed", ALL), ("device", "motor.supply_voltage", ALL), ("paper", "motor.speed", ALL),
     ("device", "gap_actuator.speed", ALL)])
-def test_a_sweep_makes_only_what_its_parameter_touches(name, parameter, kept):
-    forget()
+def test_a_sweep_makes_only_what_its_parameter_touches(name, parameter, unchanged):
+    clear_caches()
     scene = vibro_ros.load_scene(name)
     vibro_ros.Simulator(scene)
     misses_before = misses()
-    assert kept <= misses_before.keys()
+    assert unchanged <= misses_before.keys()
     for k in range(1, 6):
         vibro_ros.Simulator(scene.with_parameters({parameter: scene[parameter] * (1.0 - 0.01 * k)}))
     after = misses()
-    assert {function for function in kept if after[function] != misses_before[function]} == set()
-    made = {"_compile_machine", "check_machine"} - kept
+    assert {function for function in unchanged if after[function] != misses_before[function]} == set()
+    made = {"_compile_machine", "check_machine"} - unchanged
     assert all(after[function] == misses_before[function] + 5 for function in made)
 
 
@@ -112,5 +112,5 @@ def test_scenes_that_were_compiled_before_change_no_bit(changes):
     scene = earlier_scene.with_parameters(changes)
     tables(earlier_scene)
     after_another = tables(scene)
-    forget()
+    clear_caches()
     assert after_another == tables(scene)

@@ -18,13 +18,13 @@ from vibro_ros.recordings.summary import energy_as_lines
 
 RATE = 50.0
 TICKS = 120
-TOLD = {tick: {"motor_speed": 60.0 + tick} for tick in range(10, TICKS, 20)}
-COMMANDS = [(tick / RATE, command) for tick, command in TOLD.items()]
+INPUTS = {tick: {"motor_speed": 60.0 + tick} for tick in range(10, TICKS, 20)}
+COMMANDS = [(tick / RATE, command) for tick, command in INPUTS.items()]
 
 
 @pytest.fixture
 def recorded(tmp_path):
-    return robot_bag(tmp_path / "bag", "device", TICKS, TOLD, RATE)
+    return robot_bag(tmp_path / "bag", "device", TICKS, INPUTS, RATE)
 
 
 def device():
@@ -80,8 +80,8 @@ def test_a_checkpoint_that_no_robot_made_is_unknown(recorded, tmp_path):
 
 def test_a_bag_begun_while_the_robot_was_paused_at_its_start_begins_late(tmp_path, capsys):
     """Its first stamp is that of the robot's first sample, which it lacks, as it lacks what was changed before."""
-    told = {0: 'set {"ground.friction": 0.1}', 30: {"motor_speed": 90.0}}
-    recorded = robot_bag(tmp_path / "bag", "device", TICKS, told, RATE, checkpoints=(1,))
+    inputs = {0: 'set {"ground.friction": 0.1}', 30: {"motor_speed": 90.0}}
+    recorded = robot_bag(tmp_path / "bag", "device", TICKS, inputs, RATE, checkpoints=(1,))
     pushed = f"/{OPERATIONS}", START, holding(TOPICS[OPERATIONS].type,
                                               'push {"duration": 0.0, "force_x": 0.0, "force_z": 0.0}')
     late = rewritten(recorded, tmp_path / "late",

@@ -46,7 +46,7 @@ def test_report_is_written_beside_the_recording_which_stays_untouched(record_run
 
 
 def test_joints_of_another_robot_on_the_topic_do_not_change_a_report(record_run, tmp_path):
-    """They come first, and again and again between the robot's own messages."""
+    """The foreign messages come first, and again and again between the robot's own."""
     wheel = new_message("sensor_msgs/msg/JointState")
     wheel.name, wheel.position = ["wheel"], np.array([1.0])
     data = serialised(wheel, "sensor_msgs/msg/JointState")
@@ -91,9 +91,7 @@ def test_a_recording_that_cannot_be_reported_gives_exit_code_2(record_run, capsy
 
 
 def foreign(folder, target, plugin=StoragePlugin.MCAP, mode=None):
-    """Return the same messages as another program records them: without custom data, or of an earlier version, with a
-    topic of its own.
-    """
+    """Record the messages of a bag as another program does: without custom data, with a topic of its own."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     unopened = Writer(target, version=8, storage_plugin=plugin)
     if mode:
@@ -130,8 +128,8 @@ def test_other_storages_are_refused_with_the_remedy(record_run, tmp_path, capsys
     content_before = contents(folder)
     for main in (report.main, replay.main, recover_executable.main):
         assert main([str(folder)]) == 2
-        said = capsys.readouterr()
-        assert said.out == "" and said.err.count("\n") == 1 and remedy.partition(": ")[2][:20] in said.err
+        output = capsys.readouterr()
+        assert output.out == "" and output.err.count("\n") == 1 and remedy.partition(": ")[2][:20] in output.err
     with pytest.raises(BagError, match=remedy.partition(";")[2]):
         read_bag(folder)
     assert contents(folder) == content_before
@@ -139,19 +137,19 @@ def test_other_storages_are_refused_with_the_remedy(record_run, tmp_path, capsys
 
 @pytest.mark.parametrize("topic, at, value", [("motor_power", -8, 1e308), ("joint_states", 100, np.nan)])
 def test_numbers_that_no_robot_sends_are_left_out_and_named(record_run, tmp_path, capsys, topic, at, value):
-    def spoilt(message):
+    def damaged(message):
         name, stamp, data = message
         if name == f"/{topic}" and stamp % 3 == 0:
             data = bytearray(data)
             data[at:at + 8 or None] = np.float64(value).tobytes()
         return name, stamp, bytes(data)
 
-    rewritten(record_run(count=200), tmp_path / "spoilt", edit_each(spoilt))
+    rewritten(record_run(count=200), tmp_path / "spoilt", edit_each(damaged))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert report.main([str(tmp_path / "spoilt")]) == 0
-    said = capsys.readouterr()
-    assert said.err == "" and "nan" not in said.out
+    output = capsys.readouterr()
+    assert output.err == "" and "nan" not in output.out
     summary = json.loads((tmp_path / "spoilt_report" / "summary.json").read_text(), parse_constant=pytest.fail)
     if topic == "motor_power":
         (flaw,) = summary["not_read"]

@@ -17,9 +17,7 @@ ROBOT = "/vibro_robot"
 
 
 def known_client(bench, kind: type, name: str, node: str = ROBOT):
-    """Return a client of `node`'s service `name` that client and server both know, so that its one request and the
-    answer arrive.
-    """
+    """Return a client of `node`'s service `name` after both have discovered each other, so that no request is lost."""
     client = bench.node.create_client(kind, f"{node}/{name}")
     bench.spin_until(client.service_is_ready, name)
     wait_until_known(bench, node)
@@ -48,17 +46,15 @@ def set_parameter(bench, name: str, value: float) -> None:
 
 
 def answer_of(bench, kind: type, name: str, **fields):
-    """Return the answer of the service `name`; the request is repeated until an answer comes, so repetition must do no
-    harm.
-    """
+    """Return the answer of the service `name`, asked until it answers: repetition must do no harm."""
     client = bench.node.create_client(kind, name)
     bench.spin_until(client.service_is_ready, name)
-    futures, asked = [], 0.0
+    futures, asked_at = [], 0.0
 
     def answered() -> bool:
-        nonlocal asked
-        if time.monotonic() >= asked + AGAIN:
-            asked = time.monotonic()
+        nonlocal asked_at
+        if time.monotonic() >= asked_at + AGAIN:
+            asked_at = time.monotonic()
             futures.append(client.call_async(kind.Request(**fields)))
         return any(future.done() for future in futures)
 

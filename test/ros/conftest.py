@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import pytest
 from asking import call
 from observation import Listener
-from page_visitor import PageVisitor
+from page_client import PageClient
 from random_run import FASTER, record_run
 from real_processes import Executable, bench, refusal, start, udp_only
 from simulation_types import require_types
 from simulator_user import SimulationClient
 from std_srvs.srv import SetBool
-from visitor import address_of
+from web_client import address_of
 
 __all__ = ["bench", "call", "refusal", "start", "udp_only"]
 
@@ -55,12 +55,12 @@ def view(start) -> Executable:
 
 
 @pytest.fixture
-def visit(start) -> Iterator[Callable[[Executable], PageVisitor]]:
+def visit(start) -> Iterator[Callable[[Executable], PageClient]]:
     """Open a page of a view; pages are closed at the end of the test, before the view is killed."""
-    pages: list[PageVisitor] = []
+    pages: list[PageClient] = []
 
-    def visit_view(view: Executable) -> PageVisitor:
-        pages.append(PageVisitor(address_of(view)))
+    def visit_view(view: Executable) -> PageClient:
+        pages.append(PageClient(address_of(view)))
         return pages[-1]
 
     yield visit_view

@@ -30,7 +30,7 @@ from cyclonedds.topic import Topic  # noqa: E402
 from cyclonedds.util import duration  # noqa: E402
 
 RELIABLE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(1000))
-LOOK = 0.005  # s, between two looks at what has come
+POLL = 0.005  # s, between two looks at what has come
 
 
 @dataclass
@@ -61,12 +61,12 @@ def run(domain: int, speed: float) -> None:
     writer = DataWriter(participant, Topic(participant, "rt/motor_speed", Float64, qos=RELIABLE), qos=RELIABLE)
     reader = DataReader(participant, Topic(participant, "rt/odom", Odometry, qos=RELIABLE), qos=RELIABLE)
     while not writer.get_matched_subscriptions():
-        time.sleep(LOOK)
+        time.sleep(POLL)
     writer.write(Float64(speed))
     while True:
         for message in reader.take(1000):
             show(message)
-        time.sleep(LOOK)
+        time.sleep(POLL)
 
 
 if __name__ == "__main__":

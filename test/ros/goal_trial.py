@@ -30,14 +30,16 @@ Samples = Iterable[tuple[int, float]]
 
 
 class Trial:
-    """A goal pursued on a device. `heard` turns stamp [ns] and position [m] of a sample into what odometry reports. The
-    last goal took `took` [s]; `positions` [m] at each sample, `commands` [rad/s] and the log belong to it.
+    """A goal pursued on a device.
+
+    `received` turns stamp [ns] and position [m] of a sample into the samples that the controller receives. The last
+    goal took `took` [s]; `positions` [m] at each sample, `commands` [rad/s] and the log belong to it.
     """
 
-    def __init__(self, scene: Scene, heard: Callable[[int, float], Samples] = lambda *sample: (sample,)):
+    def __init__(self, scene: Scene, received: Callable[[int, float], Samples] = lambda *sample: (sample,)):
         self.device, self.took = Simulator(scene), 0.0
         self.positions, self.commands, self.words = list[float](), list[float](), list[str]()
-        self._heard = heard
+        self._received = received
 
     def turn(self, speed: float, duration: float) -> None:
         """Turn the motor at `speed` [rad/s] for `duration` [s]."""
@@ -64,7 +66,7 @@ class Trial:
             self.took = tick / ODOMETRY_RATE
             self.device.advance_to(start + self.took)
             self.positions.append(float(self.device.state.body_position))
-            for stamp, position in self._heard(round(self.took * 1e9), self.positions[-1]):
+            for stamp, position in self._received(round(self.took * 1e9), self.positions[-1]):
                 mean.add(stamp, position, self.took)
             if tick % round(ODOMETRY_RATE / RATE) == 0:
                 self._command(tracking)

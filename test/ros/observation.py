@@ -16,43 +16,44 @@ from std_msgs.msg import Float64
 from vibro_ros.messages.codec import deserialised
 
 PERIOD = 5_000_000  # [ns] of the default 200 Hz
-HEARD = ("odom", "joint_states", "ground_contact", "impacts", "motor_power")
+OBSERVED = ("odom", "joint_states", "ground_contact", "impacts", "motor_power")
 COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 
 
 class Operator:
     """A node that commands the robot and keeps every serialised message that the robot publishes."""
 
-    def __init__(self, bench, topics=HEARD, names: dict[str, str] | None = None):
+    def __init__(self, bench, topics=OBSERVED, names: dict[str, str] | None = None):
         self.bench = bench
-        self.heard: dict[str, list[bytes]] = {topic: [] for topic in topics}
+        self.received: dict[str, list[bytes]] = {topic: [] for topic in topics}
         names = names or {}
         kinds = {"odom": Odometry, "joint_states": JointState, "motor_power": Float64}
         for topic in topics:
             bench.node.create_subscription(kinds.get(topic, WrenchStamped), names.get(topic, topic),
-                                           self.heard[topic].append, QoSProfile(depth=10_000), raw=True)
+                                           self.received[topic].append, QoSProfile(depth=10_000), raw=True)
         self._publishers = {name: bench.node.create_publisher(Float64, names.get(name, name), 10) for name in COMMANDS}
 
     def wait_for_robot(self) -> None:
         self.bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in self._publishers.values())
-                              and all(self.heard[topic] for topic in self.heard if topic != "impacts"), "robot up")
+                              and all(messages for topic, messages in self.received.items() if topic != "impacts"),
+                              "robot up")
 
     def command(self, **values: float) -> None:
         for name, value in values.items():
             self._publishers[name].publish(Float64(data=value))
 
     def odom(self) -> Odometry:
-        return deserialize_message(self.heard["odom"][-1], Odometry)
+        return deserialize_message(self.received["odom"][-1], Odometry)
 
     def joint(self, name: str) -> tuple[float, float, float]:
         """Return position, velocity and effort from the last message."""
-        message = deserialize_message(self.heard["joint_states"][-1], JointState)
+        message = deserialize_message(self.received["joint_states"][-1], JointState)
         index = list(message.name).index(name)
         return message.position[index], message.velocity[index], message.effort[index]
 
     def spin_for_samples(self, count: int) -> None:
-        until = len(self.heard["odom"]) + count
-        self.bench.spin_until(lambda: len(self.heard["odom"]) >= until, f"{count} more samples")
+        until = len(self.received["odom"]) + count
+        self.bench.spin_until(lambda: len(self.received["odom"]) >= until, f"{count} more samples")
 
 
 class Listener:
@@ -62,14 +63,14 @@ class Listener:
         self.bench = bench
         self.stamps: list[int] = []
         self.parts: dict[str, DiagnosticStatus] = {}
-        bench.node.create_subscription(Odometry, "odom", self._hear, QoSProfile(depth=10_000), raw=True)
-        bench.node.create_subscription(DiagnosticArray, "/diagnostics", self._learn, 10)
+        bench.node.create_subscription(Odometry, "odom", self._receive, QoSProfile(depth=10_000), raw=True)
+        bench.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_status, 10)
 
-    def _hear(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         stamp = deserialize_message(data, Odometry).header.stamp
         self.stamps.append(stamp.sec * 10**9 + stamp.nanosec)
 
-    def _learn(self, message: DiagnosticArray) -> None:
+    def _take_status(self, message: DiagnosticArray) -> None:
         self.parts |= {status.name: status for status in message.status}
 
     def spin_for_samples(self, count: int) -> None:

@@ -25,8 +25,7 @@ QUITTING = 3
 
 
 def random_request(kind: type, names: list[str], chance: random.Random) -> Any:
-    """Return a request of a service that can be answered quickly; where it has parameters, most names are from `names`.
-    """
+    """Return a request of a service that answers quickly; most names of parameters are from `names`."""
     request = _filled(kind.Request(), names, chance)
     if hasattr(request, "steps"):
         request.steps = chance.choice((0, 1, 3))
@@ -71,9 +70,7 @@ def _integer(kind: str, chance: random.Random) -> int:
 
 
 def _parameter_value(chance: random.Random) -> ParameterValue:
-    """Draw a value: usually a double, because most parameters are doubles; otherwise any type, with or without the
-    value of that type.
-    """
+    """Draw a value of a parameter, usually a double; of the other types also without the value itself."""
     if chance.random() < 0.6:
         number = chance.choice(NUMBERS) if chance.random() < 0.5 else chance.uniform(0.01, 600.0)
         return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=number)

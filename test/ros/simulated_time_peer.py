@@ -20,10 +20,10 @@ class Peer(Node):
         super().__init__(NAME)
         self._x, self._calls = 0.0, 0
         self._publisher = self.create_publisher(Float64, "motor_speed", 10)
-        self.create_subscription(Odometry, "odom", self._hear, 10)
+        self.create_subscription(Odometry, "odom", self._receive, 10)
         self.create_timer(PERIOD, self._command)
 
-    def _hear(self, message: Odometry) -> None:
+    def _receive(self, message: Odometry) -> None:
         self._x = message.pose.pose.position.x
 
     def _command(self) -> None:

@@ -6,9 +6,7 @@ from asking import wait_until_known
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
 
-STILL_ON_THE_WAY = 200  # samples, of a second, that may come although the robot has paused
-
-
+LATE_SAMPLES = 200  # most samples, of a second, that arrive after the robot has paused
 MOST_STEPS = 100_000
 PATHS = {"GetSimulatorFeatures": "get_simulator_features", "ResetSimulation": "reset_simulation",
          "GetSimulationState": "get_simulation_state", "SetSimulationState": "set_simulation_state",
@@ -37,9 +35,9 @@ class SimulationClient:
         self.clients = {name: bench.node.create_client(getattr(types.srv, name), f"vibro_robot/{path}")
                         for name, path in PATHS.items()}
         self.action = ActionClient(bench.node, types.action.SimulateSteps, "vibro_robot/simulate_steps")
-        # rclpy's client hears none that comes after the goal has ended, and one a turn before.
+        # rclpy's client receives no feedback after the goal has ended, and one message a turn before.
         bench.node.create_subscription(types.action.SimulateSteps.Impl.FeedbackMessage,
-                                       "vibro_robot/simulate_steps/_action/feedback", self._hear,
+                                       "vibro_robot/simulate_steps/_action/feedback", self._take_feedback,
                                        QoSProfile(depth=1000))
 
     def wait(self) -> None:
@@ -74,13 +72,11 @@ class SimulationClient:
         return answer.state.state
 
     def begin_many_steps(self, listener):
-        """Send a request of many steps to a paused robot, wait until it takes them, and return the future of the
-        answer.
-        """
+        """Ask a paused robot for many steps; return the future of the answer once it is taking them."""
         listener.spin_for_samples(0)
         samples_before = len(listener.stamps)
         future = self.begin("StepSimulation", steps=MOST_STEPS)
-        self.bench.spin_until(lambda: len(listener.stamps) > samples_before + STILL_ON_THE_WAY, "steps")
+        self.bench.spin_until(lambda: len(listener.stamps) > samples_before + LATE_SAMPLES, "steps")
         return future
 
     def send(self, steps: int):
@@ -95,5 +91,5 @@ class SimulationClient:
         answer = self.answer(goal.get_result_async())
         return answer.status, answer.result.result.result, answer.result.result.error_message
 
-    def _hear(self, message) -> None:
+    def _take_feedback(self, message) -> None:
         self.feedback.append((message.feedback.completed_steps, message.feedback.remaining_steps))

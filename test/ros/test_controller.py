@@ -21,18 +21,18 @@ class CommandListener:
 
     def __init__(self, bench):
         self.bench = bench
-        self.heard: dict[str, list[float]] = {name: [] for name in COMMANDS}
+        self.received: dict[str, list[float]] = {name: [] for name in COMMANDS}
         self._subscriptions = [
-            bench.node.create_subscription(Float64, name, partial(self._hear, name), 100) for name in COMMANDS
+            bench.node.create_subscription(Float64, name, partial(self._receive, name), 100) for name in COMMANDS
         ]
 
-    def _hear(self, name: str, message: Float64) -> None:
-        self.heard[name].append(message.data)
+    def _receive(self, name: str, message: Float64) -> None:
+        self.received[name].append(message.data)
 
     def spin_until_ended(self, controller) -> None:
         self.bench.spin_until(lambda: controller.ended, "controller done")
 
-    def leave(self) -> None:
+    def unsubscribe(self) -> None:
         for subscription in self._subscriptions:
             self.bench.node.destroy_subscription(subscription)
 
@@ -51,11 +51,11 @@ entries:
     controller = start("controller", "--ros-args", "-p", "rate:=20.0", "-p", f"script:={script}")
     listener.spin_until_ended(controller)
     assert controller.end() == 0, controller.text
-    ramp = listener.heard["motor_speed"][:-5]
+    ramp = listener.received["motor_speed"][:-5]
     assert ramp == pytest.approx([0.0, 2.5, 5.0, 7.5], abs=1e-12)
-    assert listener.heard["motor_speed"][-5:] == [20.0, 0.0, 20.0, 0.0, 0.0]  # every entry sends what it gives
-    assert listener.heard["upper_gap"] == [0.001]
-    assert listener.heard["inclined_gap"] == []
+    assert listener.received["motor_speed"][-5:] == [20.0, 0.0, 20.0, 0.0, 0.0]  # every entry sends what it gives
+    assert listener.received["upper_gap"] == [0.001]
+    assert listener.received["inclined_gap"] == []
     entries = [line.split("]: ")[1] for line in controller.lines if "]: entry" in line]
     assert entries == [
         "entry 1, 0.2 s: motor_speed 0 -> 10 rad/s, upper_gap 0.001 m (faster)",
@@ -127,10 +127,9 @@ entries:
 
 
 def test_the_log_says_at_which_speed_a_script_leaves_the_motor(start, bench, tmp_path):
-    """The ends are the end of the file, a goal without odometry, an operator who aborts, and a robot that disappears.
-    """
+    """A script ends with its file, for lack of odometry, by the operator, or when the robot disappears."""
     listener = CommandListener(bench)
-    speeds = listener.heard["motor_speed"]
+    speeds = listener.received["motor_speed"]
     controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 9.0}]\n"))
     listener.spin_until_ended(controller)
     assert controller.end() == 0 and speeds == [9.0]
@@ -150,20 +149,20 @@ def test_the_log_says_at_which_speed_a_script_leaves_the_motor(start, bench, tmp
 
     endless = write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0, upper_gap: 0.001}]\n")
     for words, code in (((), 128 + signal.SIGINT), (("--launched",), 0)):  # `launch` takes any code but 0 for a death
-        for heard in listener.heard.values():
-            heard.clear()
+        for received in listener.received.values():
+            received.clear()
         controller = start("controller", endless, *words)
         bench.spin_until(lambda: speeds, "first command")
         controller.send(signal.SIGINT)
         listener.spin_until_ended(controller)
         assert controller.end() == code
         bench.spin_until(lambda: len(speeds) == 2, "the stop")
-        assert listener.heard == {"motor_speed": [10.0, 0.0], "upper_gap": [0.001], "inclined_gap": []}
+        assert listener.received == {"motor_speed": [10.0, 0.0], "upper_gap": [0.001], "inclined_gap": []}
         assert controller.lines[-1].endswith("aborted: /motor_speed 0 rad/s") and "Traceback" not in controller.text
 
     controller = start("controller", endless)
     bench.spin_until(lambda: len(speeds) == 3, "first command")
-    listener.leave()
+    listener.unsubscribe()
     listener.spin_until_ended(controller)
     assert controller.end() == 1
     assert controller.lines[-1] == ("controller: the robot is gone: nobody listens to /motor_speed, /upper_gap any "

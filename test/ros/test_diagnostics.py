@@ -105,34 +105,34 @@ def test_diagnostics_name_a_clock_that_was_set_and_a_pause(domain_id, monkeypatc
         run = run_of(SimpleNamespace(node=node), lambda *_: None, rate_publish=100.0,
                      rate_real_time_factor=1.0, rate_max_catch_up=600.0)
         run.recording.latest, run.recording.destination = None, lambda: "not recording"
-        heard: list[DiagnosticArray] = []
-        node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+        received: list[DiagnosticArray] = []
+        node.create_subscription(DiagnosticArray, "/diagnostics", received.append, 10)
         run.robot_time.start, begin = now(), time.monotonic()
         with run.start(begin):
             diagnostics.Diagnostics(node, run, now)
 
-            def told(condition) -> DiagnosticStatus:
+            def next_status(condition) -> DiagnosticStatus:
                 """Return the next status that meets the condition."""
                 deadline = time.monotonic() + 60.0
                 while True:
-                    spin_until(node, lambda: heard or time.monotonic() > deadline)
-                    assert heard, "no such status within 60 s"
-                    if condition(status := heard.pop(0).status[0]):
+                    spin_until(node, lambda: received or time.monotonic() > deadline)
+                    assert received, "no such status within 60 s"
+                    if condition(status := received.pop(0).status[0]):
                         return status
 
-            assert told(lambda status: True).message == "running"
+            assert next_status(lambda status: True).message == "running"
             clock_shift = 3600.0
-            status = told(lambda status: status.level == DiagnosticStatus.WARN)
+            status = next_status(lambda status: status.level == DiagnosticStatus.WARN)
             words = "behind the wall clock, because the wall clock has gone 3600.00 s ahead of the computer's monotonic"
             assert words in status.message and "pauses" not in status.message
             assert value_of(status, "clock set by [s]") == pytest.approx(3600.0, abs=0.1)
-            status = told(lambda status: status.level == DiagnosticStatus.OK)
+            status = next_status(lambda status: status.level == DiagnosticStatus.OK)
             assert words in status.message  # no warning any more, but still said
             run.pause()
             for _ in range(3):
-                told(lambda status: status.message == "paused")
+                next_status(lambda status: status.message == "paused")
             run.resume()
-            status = told(lambda status: "and because robot time stood still for " in status.message)
+            status = next_status(lambda status: "and because robot time stood still for " in status.message)
             assert status.level == DiagnosticStatus.OK and "because the wall clock has gone 3600" in status.message
             run.pause()  # which takes the real-time priority away
 

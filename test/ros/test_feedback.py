@@ -20,9 +20,9 @@ def scene(name: str):
 
 def pursue(scene: vibro_ros.Scene, goal: Goal, duration: float, reach: float = -0.06,
            turn: tuple[float, float] = (0.0, 0.0),
-           heard: Callable[[int, float], Samples] = lambda *sample: (sample,)) -> Trial:
+           received: Callable[[int, float], Samples] = lambda *sample: (sample,)) -> Trial:
     """Turn the motor at `turn[0]` [rad/s] for `turn[1]` [s], then pursue the goal."""
-    trial = Trial(scene, heard)
+    trial = Trial(scene, received)
     trial.turn(*turn)
     trial.pursue(goal, duration, reach)
     return trial
@@ -71,7 +71,7 @@ def test_a_robot_at_its_goal_does_not_move():
 
 def test_a_robot_that_goes_forwards_reaches_its_goals():
     """The odometry is mirrored, so that the backward robot appears to go forwards."""
-    trial = pursue(scene("device"), go_to(0.1), 20.0, 0.06, heard=lambda stamp, position: ((stamp, -position),))
+    trial = pursue(scene("device"), go_to(0.1), 20.0, 0.06, received=lambda stamp, position: ((stamp, -position),))
     assert trial.device.state.body_position == pytest.approx(-0.1, abs=0.005)
 
 
@@ -82,12 +82,12 @@ def test_a_robot_that_goes_forwards_reaches_its_goals():
 def test_a_goal_out_of_reach_is_refused_before_the_motor_turns(goal, duration, reason):
     moved = []
 
-    def heard(stamp, position):
+    def received(stamp, position):
         moved.append(position)
         return ((stamp, position),)
 
     with pytest.raises(GoalError, match="^" + re.escape(reason)):
-        pursue(scene("device"), goal, duration, heard=heard)
+        pursue(scene("device"), goal, duration, received=received)
     assert set(moved) == {0.0}
 
 
@@ -122,7 +122,8 @@ def test_a_robot_that_moves_while_its_motor_stands_ends_the_goal():
 def test_a_robot_that_does_not_move_gets_a_faster_motor_and_then_an_error():
     trial = []
     with pytest.raises(GoalError, match="-0.1 m not reached within 8 s: 0.1000 m are left"):
-        pursue(scene("device"), go_to(-0.1), 8.0, heard=lambda stamp, position: trial.append(stamp) or ((stamp, 0.0),))
+        pursue(scene("device"), go_to(-0.1), 8.0,
+               received=lambda stamp, position: trial.append(stamp) or ((stamp, 0.0),))
     assert trial[-1] == pytest.approx(8e9, abs=1e8)
 
 
@@ -141,13 +142,13 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("heard, reason", HOSTILE.values(), ids=HOSTILE)
-def test_implausible_odometry_ends_the_entry(heard, reason):
+@pytest.mark.parametrize("received, reason", HOSTILE.values(), ids=HOSTILE)
+def test_implausible_odometry_ends_the_entry(received, reason):
     with pytest.raises(GoalError, match=reason):
-        pursue(scene("device"), hold(-0.05), 20.0, heard=heard)
+        pursue(scene("device"), hold(-0.05), 20.0, received=received)
 
 
-def worst_visitor(stamp: int, position: float):
+def worst_odometry(stamp: int, position: float):
     """Every sixth sample is unchanged; the samples between are impossible."""
     kind = stamp // 5_000_000 % 6
     return ((stamp, position if kind == 0 else math.nan),
@@ -156,21 +157,21 @@ def worst_visitor(stamp: int, position: float):
 
 @pytest.mark.parametrize("goal", [hold(-0.05), go_to(-0.5)], ids=["hold", "go_to"])
 def test_a_goal_is_reached_among_bad_samples(goal):
-    trial = pursue(scene("device"), goal, 20.0, heard=worst_visitor)
+    trial = pursue(scene("device"), goal, 20.0, received=worst_odometry)
     assert trial.words[-1].startswith(("held", "reached"))
 
 
 def test_slow_odometry_that_was_reset_is_followed():
     """A robot that was reset reports its start again: speed control goes on, and a position counts in the new frame."""
-    def heard(stamp, position):
+    def received(stamp, position):
         return ((stamp, position + 1.0 if stamp < 8 * 10**9 else position),) if stamp % 200_000_000 == 0 else ()
 
-    trial = pursue(scene("device"), hold(-0.05, within=0.01), 20.0, heard=heard)
+    trial = pursue(scene("device"), hold(-0.05, within=0.01), 20.0, received=received)
     assert trial.words[-1].startswith("held: mean speed -0.0")
 
 
 def test_speeds_are_computed_in_the_time_of_the_stamps():
     """For a robot at half speed the stamps advance half as fast, and the speed is that in the robot's time."""
-    trial = pursue(scene("device"), hold(-0.025), 20.0, heard=lambda stamp, position: ((2 * stamp, 2.0 * position),))
+    trial = pursue(scene("device"), hold(-0.025), 20.0, received=lambda stamp, position: ((2 * stamp, 2.0 * position),))
     assert trial.words[-1].startswith("held")
     assert all(map(math.isfinite, trial.commands))

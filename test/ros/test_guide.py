@@ -24,7 +24,7 @@ OF_RCLPY = {"parameter_events", "rosout"}
 OF_ACTIONS = "/_action/"  # in the names of the topics and services that make up an action
 SERVICES_OF_RCLPY = {"describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
                      "list_parameters", "set_parameters", "set_parameters_atomically"}
-KINDS_OF_ROBOT = [  # what each is told, and how it says what it runs by
+KINDS_OF_ROBOT = [  # parameters of each robot, and the solver that its custom data name
     (("solver.method:=rk4", "solver.step:=5.0e-5"), "rk4, step 5e-05 s"),
     (("rate.real_time_factor:=0.0", "solver.accounts:=true"), "exact")]
 
@@ -62,43 +62,51 @@ def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_rob
     robot.wait_for("ready:")
     topics = {name: topic for name, topic in documented_topics().items()
               if name not in (*OF_DC_MOTOR, *SENSOR_TOPICS.values())}
-    told = {way: {name: kind for name, (direction, kind) in topics.items() if direction == way}
-            for way in ("in", "out")}
+    published, subscribed = ({name: kind for name, (direction, kind) in topics.items() if direction == wanted}
+                             for wanted in ("out", "in"))
     rows = guide.table("service", "type", "does")
     controls = documented_controls()
     services = {guide.names(name)[0].replace("~", NODE): kind for name, kind, _ in rows} | controls["srv"]
+    the_graph_becomes(bench, (published, subscribed, services, controls["action"]))
+    for name in topics:
+        reliability_is_documented(bench, name)
+    names = answer_of(bench, ListParameters, f"/{NODE}/list_parameters").result.names
+    rows = guide.first_column("name", "default", "unit", "allowed", "meaning")
+    rows += guide.first_column("name", "default", "`device`", "unit", "allowed", "meaning")
+    assert set(own_parameters(dict.fromkeys(names))) == set(rows)
+    joints_and_frames_are_documented(bench, robot)
 
-    def seen() -> tuple[dict[str, str], ...]:
+
+def the_graph_becomes(bench, documented: tuple[dict[str, str], ...]) -> None:
+    """Wait until the robot has the documented publishers, subscriptions, services and actions, and no others."""
+    def graph() -> tuple[dict[str, str], ...]:
         return tuple(names_by_node(ask(NODE, "/")) for ask in (
             bench.node.get_publisher_names_and_types_by_node, bench.node.get_subscriber_names_and_types_by_node,
             bench.node.get_service_names_and_types_by_node,
             partial(get_action_server_names_and_types_by_node, bench.node)))
 
-    documented = told["out"], told["in"], services, controls["action"]
-
-    def known() -> bool:
+    def is_documented() -> bool:
         try:
-            return seen() == documented
+            return graph() == documented
         except RuntimeError:  # NodeNameNonExistentError: not discovered yet
             return False
 
     try:
-        bench.spin_until(known, "the documented topics and services", patience=20.0)
+        bench.spin_until(is_documented, "the documented topics and services", patience=20.0)
     except AssertionError:
-        assert seen() == documented
-    for name in [*told["out"], *told["in"]]:
-        endpoints = [*bench.node.get_publishers_info_by_topic(f"/{name}"),
-               *bench.node.get_subscriptions_info_by_topic(f"/{name}")]
-        reliabilities = [endpoint.qos_profile.reliability for endpoint in endpoints if endpoint.node_name == NODE]
-        rows = guide.table("topic", "direction", "type", "depth", "content")
-        told_so = any(f"`{name}`" in row[0] and "best effort" in row[4] for row in rows)
-        assert reliabilities == [ReliabilityPolicy.BEST_EFFORT if told_so else ReliabilityPolicy.RELIABLE], name
-    names = answer_of(bench, ListParameters, f"/{NODE}/list_parameters").result.names
-    given = own_parameters(dict.fromkeys(names))
-    rows = guide.first_column("name", "default", "unit", "allowed", "meaning")
-    rows += guide.first_column("name", "default", "`device`", "unit", "allowed", "meaning")
-    assert set(given) == set(rows)
+        assert graph() == documented
 
+
+def reliability_is_documented(bench, name: str) -> None:
+    endpoints = [*bench.node.get_publishers_info_by_topic(f"/{name}"),
+                 *bench.node.get_subscriptions_info_by_topic(f"/{name}")]
+    reliabilities = [endpoint.qos_profile.reliability for endpoint in endpoints if endpoint.node_name == NODE]
+    rows = guide.table("topic", "direction", "type", "depth", "content")
+    is_best_effort = any(f"`{name}`" in row[0] and "best effort" in row[4] for row in rows)
+    assert reliabilities == [ReliabilityPolicy.BEST_EFFORT if is_best_effort else ReliabilityPolicy.RELIABLE], name
+
+
+def joints_and_frames_are_documented(bench, robot) -> None:
     latest = {"odom": None, "joint_states": None, "ground_contact": None, "impacts": set()}
     for name, kind in (("odom", Odometry), ("joint_states", JointState), ("ground_contact", WrenchStamped)):
         bench.node.create_subscription(kind, name, lambda message, name=name: latest.update({name: message}), 10)
@@ -134,6 +142,6 @@ def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(star
         metadata = read_bag(bags(tmp_path)[-1], {}).metadata
         assert set(metadata) == guide.custom_data()
         assert metadata["solver"] == solver
-    # What depends on a motion that has gone on for a while, `test_diagnostics.py` hears.
+    # `test_diagnostics.py` has the keys that depend on a longer motion.
     seen["simulation"] |= {"pitch index", "rms current over continuous"}
     assert seen == guide.diagnostics()

@@ -1,6 +1,4 @@
-"""A live robot and peers that send unexpected messages: the robot runs on, answers and counts, and its bag has what
-arrived.
-"""
+"""Peers send a live robot unexpected messages: it runs on, answers, counts them, and records what has arrived."""
 
 import array
 import math
@@ -80,10 +78,8 @@ def any_command(chance: random.Random) -> bytes:
     return LITTLE + struct.pack("<d", chance.choice((chance.uniform(-10.0, 510.0), chance.uniform(-0.07, 0.07))))
 
 
-def test_invalid_and_random_commands_are_refused_counted_logged_and_recorded(
-        start, listener, bench, tmp_path):
-    """What is refused is what an offline device refuses of the recorded messages; what was dropped is not recorded.
-    """
+def test_invalid_and_random_commands_are_refused_counted_logged_and_recorded(start, listener, bench, tmp_path):
+    """An offline device that is given the recorded messages refuses as many of them."""
     chance = random.Random(12)
     robot = start("robot", "--ros-args", "-p", "rate.publish:=100.0", "-p", "motor.acceleration:=1000000.0")
     publishers = bench.publishers(dict.fromkeys(COMMANDS, Float64))
@@ -123,23 +119,24 @@ def test_invalid_and_random_commands_are_refused_counted_logged_and_recorded(
     assert math.isfinite(robot_state["power"])
 
 
-def wanted(name: str, kind: int, **value) -> Parameter:
+def any_parameter(name: str, kind: int, **value) -> Parameter:
+    """Return the message of a parameter whose type and value need not agree."""
     return Parameter(name=name, value=ParameterValue(type=kind, **value))
 
 
 FIXED = "read-only while the node runs"
 HOSTILE_PARAMETERS = {
-    "type that does not exist": (wanted("mass.body", 250), "mass.body: type 250 does not exist"),
-    "simulated time": (wanted("use_sim_time", ParameterType.PARAMETER_BOOL, bool_value=True),
+    "type that does not exist": (any_parameter("mass.body", 250), "mass.body: type 250 does not exist"),
+    "simulated time": (any_parameter("use_sim_time", ParameterType.PARAMETER_BOOL, bool_value=True),
                        f"use_sim_time: {FIXED}; start it with -p use_sim_time:=VALUE"),
-    "control characters": (wanted("a\x1b[31m\nb", 250), r"a\x1b[31m b: unknown parameter"),
-    "long name": (wanted("a" * 100_000, 250), "a name of 100000 characters; give at most 1000"),
-    "live, not finite": (wanted("motor.acceleration", ParameterType.PARAMETER_DOUBLE, double_value=float("nan")),
+    "control characters": (any_parameter("a\x1b[31m\nb", 250), r"a\x1b[31m b: unknown parameter"),
+    "long name": (any_parameter("a" * 100_000, 250), "a name of 100000 characters; give at most 1000"),
+    "live, not finite": (any_parameter("motor.acceleration", ParameterType.PARAMETER_DOUBLE, double_value=float("nan")),
                          "motor.acceleration: nan is not finite"),
     "live, so small that its inverse overflows": (
-        wanted("rate.real_time_factor", ParameterType.PARAMETER_DOUBLE, double_value=5e-324),
+        any_parameter("rate.real_time_factor", ParameterType.PARAMETER_DOUBLE, double_value=5e-324),
         "rate.real_time_factor: 4.94066e-324 is out of range; give a number, 0 or from 1e-06 to 1000"),
-    "long list": (wanted("record.topics", ParameterType.PARAMETER_DOUBLE_ARRAY,
+    "long list": (any_parameter("record.topics", ParameterType.PARAMETER_DOUBLE_ARRAY,
                          double_array_value=array.array("d", [1.0]) * 100_000), FIXED),
 }
 
@@ -159,7 +156,7 @@ def clients(bench):
     return made
 
 
-def refused(request, response) -> bool:
+def is_refusal(request, response) -> bool:
     """Whether an answer is a refusal; services that read parameters cannot refuse and return nothing."""
     if any(len(name) > LONGEST_NAME for field in ("names", "prefixes") for name in getattr(request, field, ())):
         return True
@@ -172,41 +169,59 @@ def refused(request, response) -> bool:
     return bool(getattr(getattr(response, "result", None), "error_message", ""))  # of simulation_interfaces
 
 
+def send_hostile_parameters(bench, clients) -> int:
+    """Set parameters that are refused with known reasons, by both services; return the number of refusals."""
+    cases = [([parameter], reason) for parameter, reason in HOSTILE_PARAMETERS.values()]
+    cases.append(([HOSTILE_PARAMETERS["simulated time"][0]] * 1200, "1200 names in one request; give"))
+    for parameters, reason in cases:
+        several, atomic = ask(bench, [(clients[f"/vibro_robot/{name}"], kind.Request(parameters=parameters))
+                                      for name, kind in (("set_parameters", SetParameters),
+                                                         ("set_parameters_atomically", SetParametersAtomically))])
+        for answer in (*several.results, atomic.result):
+            assert not answer.successful and reason in answer.reason and "\n" not in answer.reason
+    return 2 * len(cases)
+
+
+def send_random_requests(bench, clients) -> int:
+    """Send random requests to all services, and check the sentences of the answers; return the number of refusals."""
+    chance, refusals = random.Random(7), 0
+    answer = ask(bench, [(clients["/vibro_robot/list_parameters"], ListParameters.Request())])[0]
+    names = [name for name in answer.result.names if name not in UNTOUCHED]
+    for _ in range(ROUNDS_OF_REQUESTS):
+        requests = [(client, random_request(client.srv_type, names, chance))
+                    for client in chance.choices([*clients.values()], k=AT_ONCE)]
+        for (_, sent), response in zip(requests, ask(bench, requests), strict=True):
+            refusals += is_refusal(sent, response)
+            assert all(text.isprintable() and len(text) <= LONGEST_SENTENCE for text in sentences(response)), response
+    assert refusals > ROUNDS_OF_REQUESTS
+    return refusals
+
+
 def test_every_hostile_request_is_answered_and_every_sample_is_finite(start, bench, request, listener):
-    """Known requests that are refused in known words come first, then random ones to every service."""
     robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
     robot.wait_for("ready")
-    clients, chance = request.getfixturevalue("clients"), random.Random(7)
+    clients = request.getfixturevalue("clients")
     latest: dict[str, list[float]] = {}
     bench.node.create_subscription(Odometry, "odom", lambda message: latest.update(
         body=[message.pose.pose.position.x, message.pose.pose.position.z, message.twist.twist.linear.x]), 10)
     bench.node.create_subscription(JointState, "joint_states", lambda message: latest.update(
         joints=[*message.position, *message.velocity, *message.effort]), 10)
-    refusals = 0
-    for parameters, reason in (*(([parameter], reason) for parameter, reason in HOSTILE_PARAMETERS.values()),
-                               ([HOSTILE_PARAMETERS["simulated time"][0]] * 1200, "1200 names in one request; give")):
-        several, atomic = ask(bench, [(clients[f"/vibro_robot/{name}"], kind.Request(parameters=parameters))
-                                   for name, kind in (("set_parameters", SetParameters),
-                                                      ("set_parameters_atomically", SetParametersAtomically))])
-        refusals += 2
-        for answer in (*several.results, atomic.result):
-            assert not answer.successful and reason in answer.reason and "\n" not in answer.reason
-    answer = ask(bench, [(clients["/vibro_robot/list_parameters"], ListParameters.Request())])[0]
-    names = [name for name in answer.result.names if name not in UNTOUCHED]
-    for _ in range(ROUNDS_OF_REQUESTS):
-        asked = [(client, random_request(client.srv_type, names, chance))
-                 for client in chance.choices([*clients.values()], k=AT_ONCE)]
-        for (_, asked_for), response in zip(asked, ask(bench, asked), strict=True):
-            refusals += refused(asked_for, response)
-            assert all(text.isprintable() and len(text) <= LONGEST_SENTENCE for text in sentences(response)), response
-    assert refusals > ROUNDS_OF_REQUESTS
+    refusals = send_hostile_parameters(bench, clients) + send_random_requests(bench, clients)
     ask(bench, [(clients["/vibro_robot/pause"], SetBool.Request(data=False))])
-    status, values = listener.wait_for_status(
+    _, values = listener.wait_for_status(
         "simulation", lambda status: value_of(status, "refused requests") >= refusals)
     assert (values["refused requests"], values["failed callbacks"]) == (str(refusals), "0"), robot.text
     latest.clear()
     bench.spin_until(lambda: len(latest) == 2, "a sample")
     assert all(map(math.isfinite, (*latest["body"], *latest["joints"])))
+    stop(robot)
+    assert all(line.startswith("[") for line in robot.lines)  # no line of the log begins with a peer's text
+    assert "\x1b" not in robot.text and max(map(len, robot.lines)) < LONGEST_SENTENCE + 200
+
+
+def test_publishers_whose_commands_cannot_arrive_are_reported(start, bench):
+    robot = start("robot")
+    robot.wait_for("ready")
     bench.node.create_publisher(Float32, "motor_speed", 10)
     assert "[WARN]" in robot.wait_for("/motor_speed: /bench publishes std_msgs/msg/Float32, which cannot arrive; "
                                       "publish std_msgs/msg/Float64")
@@ -215,8 +230,6 @@ def test_every_hostile_request_is_answered_and_every_sample_is_finite(start, ben
         "/upper_gap: /bench publishes best effort, which cannot arrive; let it publish reliably, or start the robot "
         "with -p qos_overrides./upper_gap.subscription.reliability:=best_effort")
     stop(robot)
-    assert all(line.startswith("[") for line in robot.lines)  # nothing of a peer's text in the log as it came
-    assert "\x1b" not in robot.text and max(map(len, robot.lines)) < LONGEST_SENTENCE + 200
 
 
 def sentences(response) -> list[str]:
@@ -226,12 +239,12 @@ def sentences(response) -> list[str]:
     return [text for text in texts if isinstance(text, str)]
 
 
-def ask(bench, asked: list) -> list:
+def ask(bench, requests: list) -> list:
     """Send several requests, each to a client, and return the answers."""
-    futures = [client.call_async(request) for client, request in asked]
+    futures = [client.call_async(request) for client, request in requests]
 
     def waiting() -> list[str]:
-        return [str(request) for (_, request), future in zip(asked, futures, strict=True) if not future.done()]
+        return [str(request) for (_, request), future in zip(requests, futures, strict=True) if not future.done()]
 
     try:
         bench.spin_until(lambda: not waiting(), "answers")

@@ -21,7 +21,7 @@ from rclpy.serialization import serialize_message
 from real_processes import CRAWL
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, MultiArrayDimension, String
-from visitor import address_of
+from web_client import address_of
 
 import vibro_ros
 from vibro_ros.messages.codec import jazzy_types
@@ -212,14 +212,14 @@ def test_one_change_of_the_start_time_is_a_restart_and_two_are_two_robots():
 SCENE = vibro_ros.load_scene("device")
 
 
-class Both:
+class TwoCommanders:
     """The view's commands, a robot that subscribes to them, and another node that commands."""
 
     def __init__(self, bench):
-        self.heard: list[float] = []
+        self.received: list[float] = []
         self.now = 100.0
         self.commands, self._bench = PageCommands(bench.node, lambda: self.now), bench
-        bench.node.create_subscription(Float64, "motor_speed", lambda message: self.heard.append(message.data), 10)
+        bench.node.create_subscription(Float64, "motor_speed", lambda message: self.received.append(message.data), 10)
         self._other = bench.node.create_publisher(Float64, "motor_speed", 10)
         bench.spin_until(lambda: self._other.get_subscription_count() >= 2, "both listen")
 
@@ -236,48 +236,48 @@ class Both:
         self.wait_for(speed)
 
     def wait_for(self, speed: float) -> None:
-        def heard() -> bool:
+        def received() -> bool:
             self.commands.take(SCENE, [])
-            return self.heard[-1:] == [speed] and self.commands.in_force.get("motor_speed") == speed
-        self._bench.spin_until(heard, f"{speed} rad/s")
+            return self.received[-1:] == [speed] and self.commands.in_force.get("motor_speed") == speed
+        self._bench.spin_until(received, f"{speed} rad/s")
 
 
 @pytest.fixture
-def both(bench):
-    return Both(bench)
+def commanders(bench):
+    return TwoCommanders(bench)
 
 
-def test_a_motor_stops_when_the_pages_that_commanded_it_are_closed(both):
-    device = both.commands
-    both.page(50.0)
+def test_a_motor_stops_when_the_pages_that_commanded_it_are_closed(commanders):
+    device = commanders.commands
+    commanders.page(50.0)
     assert device.of_page and not device.stop_if_alone(1, 0.0)
-    both.page(1e6, 55.0)
+    commanders.page(1e6, 55.0)
     assert device.of_page and device.in_force == {"motor_speed": 55.0}
-    both.now += 0.9 * RETURN_TIMEOUT
+    commanders.now += 0.9 * RETURN_TIMEOUT
     assert not device.stop_if_alone(0, 0.0)  # a page that is loaded again comes back in time
-    both.now += 0.2 * RETURN_TIMEOUT
+    commanders.now += 0.2 * RETURN_TIMEOUT
     assert device.stop_if_alone(0, 0.0) and not device.stop_if_alone(0, 0.0)
-    both.wait_for(0.0)
-    both.page(60.0)
-    both.other(80.0)
+    commanders.wait_for(0.0)
+    commanders.page(60.0)
+    commanders.other(80.0)
     assert device.in_force == {"motor_speed": 80.0} and not device.of_page
-    both.now += 2.0 * RETURN_TIMEOUT
+    commanders.now += 2.0 * RETURN_TIMEOUT
     assert not device.stop_if_alone(0, 0.0) and not device.end()
     for operation in (TIMEOUT, RESET):
-        both.page(70.0)
+        commanders.page(70.0)
         device.take(SCENE, [Operation(operation)])
         assert not device.of_page and device.in_force == {}
-    both.page(90.0)
+    commanders.page(90.0)
     assert device.end() == "sent motor_speed 0"
-    both.wait_for(0.0)
+    commanders.wait_for(0.0)
 
 
-def test_a_pages_command_is_repeated_for_a_robot_with_a_timeout(both, bench):
-    both.page(50.0)
+def test_a_pages_command_is_repeated_for_a_robot_with_a_timeout(commanders, bench):
+    commanders.page(50.0)
     for number in range(3):
-        both.now += 0.2
-        assert not both.commands.stop_if_alone(1, 0.5)
-        bench.spin_until(lambda number=number: len(both.heard) == number + 2, "the command again")
+        commanders.now += 0.2
+        assert not commanders.commands.stop_if_alone(1, 0.5)
+        bench.spin_until(lambda number=number: len(commanders.received) == number + 2, "the command again")
 
 
 KINDS = {"/vibro_robot/samples": Float64MultiArray, "impacts": WrenchStamped, "/diagnostics": DiagnosticArray,
@@ -295,10 +295,10 @@ def strange_messages(chance: random.Random) -> list[tuple[str, bytes]]:
     boast = DiagnosticArray(status=[DiagnosticStatus(
         name="vibro_robot: simulation", hardware_id=chance.choice(("/other", "")), message="\n" * 50,
         values=[KeyValue(key="real-time factor", value=chance.choice(("nan", "9" * 400, "")))])])
-    said = Log(level=50, name="somebody.else", msg="\x1b[31mhaha\n" * 30)
-    asked = String(data=chance.choice(("set {", "reset reset", "step x", "set " + "[" * 2000, "fly")))
-    whole = {"/vibro_robot/samples": sample, "impacts": impact, "/diagnostics": boast, "/rosout": said,
-             "/vibro_robot/operations": asked}
+    log_line = Log(level=50, name="somebody.else", msg="\x1b[31mhaha\n" * 30)
+    operation = String(data=chance.choice(("set {", "reset reset", "step x", "set " + "[" * 2000, "fly")))
+    whole = {"/vibro_robot/samples": sample, "impacts": impact, "/diagnostics": boast, "/rosout": log_line,
+             "/vibro_robot/operations": operation}
     messages = [(topic, bytes(serialize_message(message))) for topic, message in whole.items()]
     messages += [(topic, chance.randbytes(chance.randrange(1, 1200))) for topic in KINDS]
     messages += [(topic, b"\0\1\0\0" + struct.pack("<iI", 2**31 - 1, 999_999_999) + b"\xff" * 50) for topic in KINDS]
@@ -384,8 +384,8 @@ def test_a_wrong_argument_is_refused_in_one_line(refusal, monkeypatch, words, li
 
 
 def test_a_view_for_other_machines_warns_and_no_command_line_has_the_token(start, visit, tmp_path, monkeypatch):
-    browser, heard = tmp_path / "browser", tmp_path / "heard"
-    browser.write_text(f'#!/bin/sh\necho "$1" > {heard}.part; mv {heard}.part {heard}\n')
+    browser, received = tmp_path / "browser", tmp_path / "heard"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {received}.part; mv {received}.part {received}\n')
     browser.chmod(0o700)
     monkeypatch.setenv("BROWSER", f"{browser} %s")
     view = start("live_view", "--port", "0", "--address", "0.0.0.0", "--open")
@@ -393,8 +393,8 @@ def test_a_view_for_other_machines_warns_and_no_command_line_has_the_token(start
     address = address_of(view)
     page = visit(view)
     page.wait_for_absence("no robot")
-    page.wait(heard.exists, "the browser")
-    url = heard.read_text().strip()
+    page.wait(received.exists, "the browser")
+    url = received.read_text().strip()
     redirect = Path(url.removeprefix("file://"))
     assert address.token not in url and f"url={address.url}" in redirect.read_text()
     assert redirect.stat().st_mode & 0o777 == 0o600

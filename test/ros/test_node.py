@@ -19,10 +19,10 @@ PATIENCE = 10.0  # [s]
 
 
 def test_a_callback_that_raises_does_not_end_the_loop_and_an_interrupt_does(domain_id, bench):
-    heard: list[float] = []
+    received: list[float] = []
 
     def hear(message: Float64) -> None:
-        heard.append(message.data)
+        received.append(message.data)
         if message.data < 0.0:
             raise ValueError("too slow")
         if message.data == 0.0:
@@ -38,8 +38,8 @@ def test_a_callback_that_raises_does_not_end_the_loop_and_an_interrupt_does(doma
         spin(lambda: publisher.get_subscription_count() > 0)
         for speed in (-1.0, 2.0):
             publisher.publish(Float64(data=speed))
-        spin(lambda: len(heard) == 2)
-        assert heard == [-1.0, 2.0] and node.refusals.count == 1
+        spin(lambda: len(received) == 2)
+        assert received == [-1.0, 2.0] and node.refusals.count == 1
         publisher.publish(Float64(data=0.0))
         with pytest.raises(KeyboardInterrupt):
             spin()

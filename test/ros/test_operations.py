@@ -36,9 +36,9 @@ def number(name: str, value: float) -> ParameterMessage:
 
 def stamps_and_places(operator: Operator) -> list[tuple[int, float]]:
     """Stamp [ns] and body position [m] of every received odometry message."""
-    heard = [deserialize_message(data, Odometry) for data in operator.heard["odom"]]
+    received = [deserialize_message(data, Odometry) for data in operator.received["odom"]]
     return [(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec, message.pose.pose.position.x)
-            for message in heard]
+            for message in received]
 
 
 def operations_in(folder: Path) -> list[str]:
@@ -64,16 +64,16 @@ def test_a_run_with_every_operation_replays_to_the_last_bit(start, bench, call, 
     done(call(SetBool, "pause", data=True))
     angle = 100.0 * float(answer.split()[2])  # [rad] of the crank then: it has turned at 100 rad/s from the start
     bench.spin_until(lambda: abs(operator.joint("crank")[0] - angle) < 1e-3, "the joints of the last sample")
-    last = deserialize_message(operator.heard["joint_states"][-1], JointState).header.stamp
+    last = deserialize_message(operator.received["joint_states"][-1], JointState).header.stamp
     bench.spin_until(lambda: operator.odom().header.stamp == last, "the odometry of the last sample")
-    samples_before = len(operator.heard["odom"])
+    samples_before = len(operator.received["odom"])
     operator.command(motor_speed=120.0)  # of the same instant as the pause
     for _ in range(3):
         done(call(Trigger, "step"))
-    bench.spin_until(lambda: len(operator.heard["odom"]) == samples_before + 3, "three samples")
+    bench.spin_until(lambda: len(operator.received["odom"]) == samples_before + 3, "three samples")
     bench.spin_until(lambda: operator.joint("crank")[1] > 100.0, "the command in effect")
     done(call(Trigger, "reset"))  # which shows the start, and takes a period
-    bench.spin_until(lambda: len(operator.heard["odom"]) == samples_before + 4, "the start")
+    bench.spin_until(lambda: len(operator.received["odom"]) == samples_before + 4, "the start")
     bench.spin_until(lambda: operator.joint("crank")[:2] == (0.0, 100.0), "the start's crank")
     assert stamps_and_places(operator)[-1][1] == 0.0
     results = call(SetParameters, "set_parameters", parameters=[number("ground.friction", 0.1)]).results
@@ -107,12 +107,12 @@ def test_a_refused_set_changes_nothing_and_a_bag_begun_later_replays_from_its_ch
     operator.wait_for_robot()
     names = ["ground.friction", "motor.max_speed", "mass.body"]
     values_before = call(GetParameters, "get_parameters", names=names).values
-    for wanted, words in (
+    for changes, words in (
             ([number("ground.friction", 0.1), number("motor.max_speed", -1.0)], "-1 is out of range"),
             ([number("ground.friction", 0.1), number("motor.max_speed", 50.0)], "the limit is motor.max_speed"),
             ([number("ground.friction", 0.1), number("mass.body", 2.0)], "read-only while the node runs"),
             ([number("ground.friction", 1e3)], "Painlevé's paradox")):
-        answers = call(SetParameters, "set_parameters", parameters=wanted).results
+        answers = call(SetParameters, "set_parameters", parameters=changes).results
         assert not any(answer.successful for answer in answers)
         assert all(words in answer.reason for answer in answers)
     assert call(GetParameters, "get_parameters", names=names).values == values_before
@@ -133,24 +133,23 @@ def test_a_refused_set_changes_nothing_and_a_bag_begun_later_replays_from_its_ch
     assert_replays(folder, 50)
 
 
-def test_clock_has_the_time_of_each_sample_and_resets_give_the_same_bits(
-        start, bench, call, tmp_path):
+def test_clock_has_the_time_of_each_sample_and_resets_give_the_same_bits(start, bench, call, tmp_path):
     robot = start("robot", "--ros-args", "-p", "clock.publish:=true", "-p", "use_sim_time:=true", "-p",
                   "rate.publish:=50.0", "-p", "motor.speed:=100.0", "-p", "rate.real_time_factor:=0.5")
-    heard: list[tuple[str, int]] = []
+    received: list[tuple[str, int]] = []
 
-    def hear(name: str, stamp) -> None:
-        heard.append((name, stamp.sec * 10**9 + stamp.nanosec))
+    def note(name: str, stamp) -> None:
+        received.append((name, stamp.sec * 10**9 + stamp.nanosec))
 
-    bench.node.create_subscription(Odometry, "odom", lambda message: hear("odom", message.header.stamp), 100)
-    bench.node.create_subscription(Clock, "/clock", lambda message: hear("clock", message.clock), 100)
-    bench.spin_until(lambda: {name for name, _ in heard} == {"odom", "clock"}, "both topics")
-    heard.clear()
-    bench.spin_until(lambda: len(heard) > 60, "30 samples")
+    bench.node.create_subscription(Odometry, "odom", lambda message: note("odom", message.header.stamp), 100)
+    bench.node.create_subscription(Clock, "/clock", lambda message: note("clock", message.clock), 100)
+    bench.spin_until(lambda: {name for name, _ in received} == {"odom", "clock"}, "both topics")
+    received.clear()
+    bench.spin_until(lambda: len(received) > 60, "30 samples")
     for name in ("odom", "clock"):
-        stamps = [stamp for topic, stamp in heard if topic == name]
+        stamps = [stamp for topic, stamp in received if topic == name]
         assert {after - stamp for stamp, after in zip(stamps, stamps[1:], strict=False)} == {20_000_000}
-    assert max(stamp for _, stamp in heard) < 60 * 10**9  # robot time, not the wall clock's
+    assert max(stamp for _, stamp in received) < 60 * 10**9  # robot time, not the wall clock's
     odometry: list[Odometry] = []
     done(call(SetBool, "pause", data=True))
     bench.node.create_subscription(Odometry, "odom", odometry.append, QoSProfile(depth=1000))
@@ -200,53 +199,53 @@ RUNNING = ("robot", "--ros-args", "-p", "motor.speed:=100.0")
 
 
 @pytest.fixture
-def let(call):
+def ask_robot(call):
     """Request something of the robot, check whether it was done, and return the message of the answer."""
     types = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
 
-    def let_one(name: str, done: bool = True, **request) -> str:
+    def request_one(name: str, done: bool = True, **request) -> str:
         kind = {"set_state": types.SetState, "push": types.Push, "inject_fault": types.InjectFault}[name]
         answer = call(kind, name, **request)
         assert answer.success == done, answer.message
         return answer.message
-    return let_one
+    return request_one
 
 
-def test_a_run_with_a_state_a_push_and_faults_replays_to_the_last_bit(start, bench, call, let, listener, tmp_path):
+def test_a_run_with_a_push_and_faults_replays_to_the_last_bit(start, bench, call, ask_robot, listener, tmp_path):
     robot = start(*RUNNING)
     operator = Operator(bench)
     operator.wait_for_robot()
-    let("set_state", names=["body_position", "body_velocity"], values=[0.5, -1.0])
-    let("push", force_x=30.0, force_z=20.0, duration=0.0333)
+    ask_robot("set_state", names=["body_position", "body_velocity"], values=[0.5, -1.0])
+    ask_robot("push", force_x=30.0, force_z=20.0, duration=0.0333)
     operator.spin_for_samples(20)
     assert operator.odom().pose.pose.position.x > 0.3
-    let("inject_fault", fault="motor_stall", duration=60.0)
-    let("inject_fault", fault="plate_stuck", of="upper", duration=0.05)
+    ask_robot("inject_fault", fault="motor_stall", duration=60.0)
+    ask_robot("inject_fault", fault="plate_stuck", of="upper", duration=0.05)
     operator.command(motor_speed=90.0, upper_gap=0.0004)
     bench.spin_until(lambda: operator.joint("crank")[1] == 0.0, "the stalled motor's stop")
     listener.wait_for_status("simulation", lambda status: any(
         pair.key == "lasting" and pair.value.startswith("motor_stall until") for pair in status.values))
-    let("inject_fault", fault="motor_stall", duration=0.0)
+    ask_robot("inject_fault", fault="motor_stall", duration=0.0)
     bench.spin_until(lambda: operator.joint("crank")[1] == 90.0, "the last command's speed")
-    assert "the robot stands at its start" in let("set_state", names=["body_velocity"], values=[0.5], reset=True)
+    assert "the robot stands at its start" in ask_robot("set_state", names=["body_velocity"], values=[0.5], reset=True)
     bench.spin_until(lambda: operator.joint("crank")[1] == 100.0, "the motor as at the start")
     # while robot time stands still, and ended by a reset
     assert call(SetBool, "pause", data=True).success
-    let("push", force_x=-30.0, duration=3600.0)
+    ask_robot("push", force_x=-30.0, duration=3600.0)
     assert call(Trigger, "step").success
     assert call(Trigger, "reset").success
     assert call(SetBool, "pause", data=False).success
     # commands that take effect never, and 0.3 s late
-    let("inject_fault", fault="lost_commands", duration=60.0)
+    ask_robot("inject_fault", fault="lost_commands", duration=60.0)
     operator.command(motor_speed=50.0)
     listener.wait_for_status("simulation", lambda status: value_of(status, "lost commands") == 1.0)
-    let("inject_fault", fault="lost_commands", duration=0.0)
-    let("inject_fault", fault="late_commands", value=0.3, duration=60.0)
+    ask_robot("inject_fault", fault="lost_commands", duration=0.0)
+    ask_robot("inject_fault", fault="late_commands", value=0.3, duration=60.0)
     operator.spin_for_samples(1)
-    samples_before = len(operator.heard["odom"])
+    samples_before = len(operator.received["odom"])
     operator.command(motor_speed=50.0)
     bench.spin_until(lambda: operator.joint("crank")[1] < 100.0, "the late command in effect")
-    assert len(operator.heard["odom"]) - samples_before >= 59  # samples at 200 Hz
+    assert len(operator.received["odom"]) - samples_before >= 59  # samples at 200 Hz
     folder = tmp_path / stop_with_whole_bag(robot)
     assert " ".join(text.split()[0] for text in operations_in(folder)) == (
         "state push fault fault fault reset pause push step reset resume fault fault fault")
@@ -257,25 +256,28 @@ def test_a_run_with_a_state_a_push_and_faults_replays_to_the_last_bit(start, ben
     assert_replays(folder, 60)
 
 
+IMPOSSIBLE = [
+    ("set_state", {"names": ["body_velocity"], "values": []}, "1 names, 1 of them different, and 0 values"),
+    ("set_state", {"names": ["mass"], "values": [1.0]}, "'mass': cannot be given; give any of"),
+    ("set_state", {}, "a state: no number is given; give any of body_position"),
+    ("set_state", {"names": ["upper_position"], "values": [0.5]}, "0.5 m lies beyond the plate at 0.06 m"),
+    ("push", {"force_x": 5.0}, "duration: 0 s with a force of 5 N along x"),
+    ("inject_fault", {"fault": "lost_commands"}, "duration: 0 s ends a lost_commands, and none lasts"),
+    ("push", {"force_x": math.nan, "duration": 1.0}, "force_x: nan is not finite"),
+    ("inject_fault", {"fault": "quake\n", "duration": 1.0}, "'quake\\n' is unknown; choose one of motor_stall"),
+    ("inject_fault", {"fault": "plate_stuck", "of": "x" * 1000, "duration": 1.0}, "give upper or inclined"),
+    ("inject_fault", {"fault": "friction_patch", "duration": 1.0, "value": 999.0, "to_x": 1.0}, "on a patch"),
+    ("inject_fault", {"fault": "sensor_freeze", "of": "imu", "duration": 1.0}, "befalls sensors"),
+    ("inject_fault", {"fault": "motor_stall", "duration": -math.inf}, "duration: -inf is not finite")]
+
+
 def test_impossible_disturbances_are_refused_and_the_robot_has_an_entity_state(
-        start, bench, call, let, types, tmp_path):
+        start, bench, call, ask_robot, types, tmp_path):
     robot = start("robot", "--ros-args", "-p", "frame_prefix:=r1/", "-p", "motor.speed:=50.0")
     operator = Operator(bench)
     operator.wait_for_robot()
-    for name, request, words in (
-            ("set_state", {"names": ["body_velocity"], "values": []}, "1 names, 1 of them different, and 0 values"),
-            ("set_state", {"names": ["mass"], "values": [1.0]}, "'mass': cannot be given; give any of"),
-            ("set_state", {}, "a state: no number is given; give any of body_position"),
-            ("set_state", {"names": ["upper_position"], "values": [0.5]}, "0.5 m lies beyond the plate at 0.06 m"),
-            ("push", {"force_x": 5.0}, "duration: 0 s with a force of 5 N along x"),
-            ("inject_fault", {"fault": "lost_commands"}, "duration: 0 s ends a lost_commands, and none lasts"),
-            ("push", {"force_x": math.nan, "duration": 1.0}, "force_x: nan is not finite"),
-            ("inject_fault", {"fault": "quake\n", "duration": 1.0}, "'quake\\n' is unknown; choose one of motor_stall"),
-            ("inject_fault", {"fault": "plate_stuck", "of": "x" * 1000, "duration": 1.0}, "give upper or inclined"),
-            ("inject_fault", {"fault": "friction_patch", "duration": 1.0, "value": 999.0, "to_x": 1.0}, "on a patch"),
-            ("inject_fault", {"fault": "sensor_freeze", "of": "imu", "duration": 1.0}, "befalls sensors"),
-            ("inject_fault", {"fault": "motor_stall", "duration": -math.inf}, "duration: -inf is not finite")):
-        answer = let(name, done=False, **request)
+    for name, request, words in IMPOSSIBLE:
+        answer = ask_robot(name, done=False, **request)
         assert words in answer and len(answer) < 600
 
     def put(entity: str = "vibro_robot", frame: str = "", pose: bool = False, twist: bool = False, **numbers: float):
@@ -305,7 +307,7 @@ def test_impossible_disturbances_are_refused_and_the_robot_has_an_entity_state(
     assert_replays(folder, 5)
 
 
-def test_a_script_starts_faults_and_ends_where_the_robot_refuses_one(start, let, tmp_path):
+def test_a_script_starts_faults_and_ends_where_the_robot_refuses_one(start, ask_robot, tmp_path):
     robot = start(*RUNNING)
     robot.wait_for("ready")
     (tmp_path / "script.yaml").write_text("""

@@ -12,8 +12,7 @@ TICK = 0.005  # [s]
 
 
 class Clock:
-    """A wall clock that advances only while a caller sleeps, by `oversleep` too far each time, or when a test sets it.
-    """
+    """A wall clock that advances only in sleeps, by `oversleep` too far each time, or when a test sets it."""
 
     def __init__(self, oversleep: float = 0.0):
         self.time = 1000.0
@@ -171,7 +170,7 @@ def test_the_command_timeout_counts_from_the_start():
 
 
 def test_the_slowest_factor_paces_and_drops_nothing():
-    """The inverse of 5e-324 overflowed: nothing was paced, messages were dropped, and the dropped time was `nan`."""
+    """Much smaller factors are refused: their inverse overflows, and the dropped time would be `nan`."""
     (factor,) = (parameter for parameter in DEVICE_PARAMETERS if parameter.name == "rate.real_time_factor")
     for value in (5e-324, 1e-320, 0.99 * factor.smallest):
         with pytest.raises(ValueError, match="0 or from 1e-06 to 1000"):

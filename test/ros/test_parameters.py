@@ -1,8 +1,6 @@
-"""The node's parameters as ROS tools see them, through the services that `ros2 param` calls, and
-through parameter files.
+"""The node's parameters as ROS tools see them: through parameter files, and the services that `ros2 param` calls.
 
-The command line itself is not on PyPI. It makes numbers of words by its own rules: 300 becomes an integer, and 1e-6,
-which YAML 1.1 does not take for a number, a text.
+`ros2 param` itself is not on PyPI. It makes an integer of 300, and a text of 1e-6, which is no number of YAML 1.1.
 """
 
 from pathlib import Path
@@ -28,13 +26,11 @@ from vibro_ros.ros.node.arguments import folder_of
 from vibro_ros.ros.node.robot_parameters import settings_of
 
 TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
-
-
 NODE = "/vibro_robot"
 
 
 class Parameters:
-    """`ros2 param` for one node."""
+    """The commands of `ros2 param` for the robot's node."""
 
     def __init__(self, bench):
         self._bench = bench
@@ -49,18 +45,18 @@ class Parameters:
         return self._ask(DescribeParameters, "describe_parameters", names=names).descriptors
 
     def set(self, name: str, words: str) -> tuple[bool, str]:
-        """Set a parameter to the text that a user typed; returns whether it was set, and why not."""
-        (answer,) = self._set([Parameter(name=name, value=None).to_parameter_msg()], get_parameter_value(words))
+        """Set a parameter to the text that a user typed; return whether it was set, and why not."""
+        parameter = Parameter(name=name, value=None).to_parameter_msg()
+        parameter.value = get_parameter_value(words)
+        (answer,) = self._set([parameter])
         return answer.successful, answer.reason
 
     def load(self, path: Path) -> list[str]:
-        """Load parameters of a file; returns why some were not set."""
-        wanted = parameter_dict_from_yaml_file(str(path), True, target_nodes=[NODE])
-        return [answer.reason for answer in self._set([*wanted.values()]) if not answer.successful]
+        """Load the parameters of a file; return why some were not set."""
+        parameters = parameter_dict_from_yaml_file(str(path), True, target_nodes=[NODE])
+        return [answer.reason for answer in self._set([*parameters.values()]) if not answer.successful]
 
-    def _set(self, parameters: list, value=None) -> list:
-        if value:
-            parameters[0].value = value
+    def _set(self, parameters: list) -> list:
         return self._ask(SetParameters, "set_parameters", parameters=parameters).results
 
     def _ask(self, kind: type, name: str, **fields):
@@ -73,7 +69,7 @@ def parameters(bench) -> Parameters:
 
 
 def written(values: dict[str, object], path: Path) -> Path:
-    """Return parameters in the form of a file by `ros2 param dump`: nested by the dots of the names."""
+    """Write parameters as `ros2 param dump` does, nested by the dots of the names; return the path."""
     nested: dict = {}
     for name, value in values.items():
         *groups, last = name.split(".")
@@ -96,9 +92,7 @@ REFUSED = (
 
 
 def test_wrong_parameters_are_refused_with_the_remedy_and_every_parameter_is_described(start, parameters):
-    """The robot is started with another scene, an integer where a floating-point number is required, and a changed
-    default.
-    """
+    """Another scene, an integer for a floating-point number, and a changed default are given at the start."""
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "mass.body:=3", "-p", "scene:=damped")
     robot.wait_for("ready")
     for name, words, reason in REFUSED:
@@ -123,20 +117,19 @@ def test_wrong_parameters_are_refused_with_the_remedy_and_every_parameter_is_des
 
 
 def test_a_parameter_file_gives_the_same_robot_by_every_route_and_a_dump_is_accepted(start, parameters, tmp_path):
-    """The file is given by `--params-file`, by the parameter `scene` and to `load_scene`; a dump, which also has
-    rclpy's own parameters, is accepted.
-    """
+    """The routes are `--params-file`, the parameter `scene` and `load_scene`; a dump also has rclpy's parameters."""
     (tmp_path / "lab").mkdir()
     mine = tmp_path / "lab" / "mine.yaml"
     (tmp_path / "lab" / "base.yaml").write_text(
         "/**: {ros__parameters: {scene: unilateral, guide.angle: 1.2, gravity: 1.6}}\n")
     mine.write_text("vibro_controller: {ros__parameters: {rate: 20.0}}\n"
                     "/**: {ros__parameters: {scene: base.yaml, gravity: 3.7}}\n")
-    roads = {"load_scene": load_scene(mine).parameters}
+    values_by_route = {"load_scene": load_scene(mine).parameters}
     first = start("robot", "--ros-args", "--params-file", "lab/mine.yaml", "-p", "record.topics:=[odom]")
     first.wait_for("ready:")
-    roads["--params-file"] = parameters.dump()
-    roads["load_scene of a dump"] = load_scene(written(roads["--params-file"], tmp_path / "dump.yaml")).parameters
+    values_by_route["--params-file"] = parameters.dump()
+    dump_file = written(values_by_route["--params-file"], tmp_path / "dump.yaml")
+    values_by_route["load_scene of a dump"] = load_scene(dump_file).parameters
     assert parameters.set("motor.max_speed", "300") == (True, "")
     assert parameters.set("motor.time_constant", "1e-3") == (True, "")
     dumped = parameters.dump()
@@ -147,17 +140,17 @@ def test_a_parameter_file_gives_the_same_robot_by_every_route_and_a_dump_is_acce
     stop(first)
     assert "refused: " not in first.text
     assert set(read_bag(bags(tmp_path)[0]).topics) == {"/odom"}
-    for road in (("--params-file", str(file)), ("-p", "scene:=lab/mine.yaml")):
-        robot = start("robot", "--ros-args", *road)
+    for route in (("--params-file", str(file)), ("-p", "scene:=lab/mine.yaml")):
+        robot = start("robot", "--ros-args", *route)
         robot.wait_for("ready:")
-        if str(file) in road:
+        if str(file) in route:
             assert parameters.dump() == dumped
         else:
-            roads[road] = parameters.dump()
+            values_by_route[route] = parameters.dump()
         stop(robot)
     expected = {**load_scene("unilateral").parameters, "guide.angle": 1.2, "gravity": 3.7}
-    for road, values in roads.items():
-        assert {parameter.name: values[parameter.name] for parameter in SCENE_PARAMETERS} == expected, road
+    for route, values in values_by_route.items():
+        assert {parameter.name: values[parameter.name] for parameter in SCENE_PARAMETERS} == expected, route
 
 
 NODE_IN_LAB = "/lab/vibro_robot"

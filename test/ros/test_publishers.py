@@ -149,39 +149,39 @@ def test_rclpy_publishes_bytes_by_its_handle(bench):
     """`publish_raw` and `get_subscription_count` of a handle are not documented, so this test fails if rclpy changes or
     removes them; `Publisher.publish` and `Publisher.get_subscription_count` do the same in twice the time.
     """
-    publisher, heard = bench.node.create_publisher(Float64, "numbers", 10), []
-    bench.node.create_subscription(Float64, "numbers", heard.append, 10)
+    publisher, received = bench.node.create_publisher(Float64, "numbers", 10), []
+    bench.node.create_subscription(Float64, "numbers", received.append, 10)
     bench.spin_until(lambda: publisher.handle.get_subscription_count() == 1, "match")
     publisher.handle.publish_raw(serialize_message(Float64(data=1.5)))
-    bench.spin_until(lambda: heard == [Float64(data=1.5)], "message")
+    bench.spin_until(lambda: received == [Float64(data=1.5)], "message")
 
 
 @pytest.mark.parametrize("namespace", ["", "/a/bcd"])
 def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench, namespace):
     node = Node("robot", context=bench.node.context, namespace=namespace)
-    scene, heard, recorded = load_scene("device"), [], []
+    scene, received, recorded = load_scene("device"), [], []
     publishing = RobotPublishers(node, scene, "r12/")
     for topic in publishing.publishers:
         bench.node.create_subscription(
             message_class(TOPICS[topic].type), f"{namespace}/{topic}",
-            lambda data, topic=topic: heard.append((f"{namespace}/{topic}", data)), 10, raw=True)
+            lambda data, topic=topic: received.append((f"{namespace}/{topic}", data)), 10, raw=True)
     bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in publishing.publishers.values()),
                      "discovery")
     ((values, _),) = random_cases(5, 1)
     robot_time = RobotTime(200.0, stamp_of(0.0))
     robot_time.ticks, sampled = 70, stamp_of(0.35)
     publishing.publish(values, EVENTS, robot_time, lambda *message: recorded.append(message))
-    bench.spin_until(lambda: len(heard) == len(recorded), "messages")
+    bench.spin_until(lambda: len(received) == len(recorded), "messages")
     node.destroy_node()
-    assert sorted(heard) == sorted((topic, data) for topic, _, data in recorded)
+    assert sorted(received) == sorted((topic, data) for topic, _, data in recorded)
     assert {stamp for _, stamp, _ in recorded} == {sampled}
     expected = RobotMessages(scene, "r12/", NONE).of_sample(values, EVENTS, (), sampled, stamp_of)
     assert [(topic, data) for topic, _, data in recorded] == [(f"{namespace}/{name}", data) for name, data in expected]
 
 
 def test_a_subscriber_of_samples_gets_every_quantity_by_its_name(bench):
-    publishing, heard = RobotPublishers(bench.node, load_scene("machine")), []
-    bench.node.create_subscription(Float64MultiArray, "bench/samples", heard.append, 10)
+    publishing, received = RobotPublishers(bench.node, load_scene("machine")), []
+    bench.node.create_subscription(Float64MultiArray, "bench/samples", received.append, 10)
     ((values, _),) = random_cases(3, 1)
     robot_time = RobotTime(200.0, stamp_of(0.0))
     robot_time.ticks = 70
@@ -189,10 +189,10 @@ def test_a_subscriber_of_samples_gets_every_quantity_by_its_name(bench):
 
     def published() -> bool:
         publishing.publish(values, NO_EVENTS, robot_time, lambda *message: None)
-        return bool(heard)
+        return bool(received)
 
     bench.spin_until(published, "a sample")
-    message = heard[0]
+    message = received[0]
     names = message.layout.dim[0].label.split(",")
     assert message.layout.dim[0].size == message.layout.dim[0].stride == len(names) == len(message.data)
     sample = dict(zip(names, message.data, strict=True))

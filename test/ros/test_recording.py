@@ -45,19 +45,19 @@ def test_recording_is_sealed_and_begun_on_request_and_every_file_begins_with_the
         start, listener, record, tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.max_duration:=0.2", "-p", "motor.speed:=60.0")
     listener.spin_for_samples(100)
-    done, said = record(True)
-    assert done and said.startswith("already recording to vibro_robot_")
-    done, said = record(False)
-    assert done and re.fullmatch(r"sealed vibro_robot_\S+: \d+ messages, 0 dropped", said)
+    done, answer = record(True)
+    assert done and answer.startswith("already recording to vibro_robot_")
+    done, answer = record(False)
+    assert done and re.fullmatch(r"sealed vibro_robot_\S+: \d+ messages, 0 dropped", answer)
     (first,) = bags(tmp_path)
-    assert first.name in said
-    assert f": {sum(topic.messages for topic in read_bag(first).topics.values())} messages" in said
+    assert first.name in answer
+    assert f": {sum(topic.messages for topic in read_bag(first).topics.values())} messages" in answer
     assert record(False) == (True, "not recording")
     status, _ = listener.wait_for_status("recorder", lambda status: status.message == "not recording")
     assert status.level == DiagnosticStatus.OK
     listener.spin_for_samples(20)
-    done, said = record(True)
-    assert done and said.startswith("recording to vibro_robot_")
+    done, answer = record(True)
+    assert done and answer.startswith("recording to vibro_robot_")
     listener.spin_for_samples(100)
     stop(robot)
     earlier, last = bags(tmp_path)
@@ -98,14 +98,14 @@ def test_unsealed_bags_are_sealed_on_request(bench, topics, tmp_path, monkeypatc
     writer.abandon()
     handle_unsealed_bags(tmp_path, False, bench.node.get_logger())
     assert not (folder / "metadata.yaml").exists()
-    said = []
-    log = SimpleNamespace(warning=said.append, error=said.append)
+    answer = []
+    log = SimpleNamespace(warning=answer.append, error=answer.append)
     with locked(folder), monkeypatch.context() as patch:  # another robot that starts at once seals it
         patch.setattr("vibro_ros.ros.robot.recording.unsealed_bags", lambda *_: [folder])
         handle_unsealed_bags(tmp_path, True, log)
-    assert said == []
+    assert answer == []
     handle_unsealed_bags(tmp_path, False, log)
-    assert said[0].startswith(f"{folder}: not sealed, its robot was killed; seal it with `recover")
+    assert answer[0].startswith(f"{folder}: not sealed, its robot was killed; seal it with `recover")
     handle_unsealed_bags(tmp_path, True, bench.node.get_logger())
     assert stamps_of(folder, topics[0].name) == [1]
 
@@ -131,10 +131,10 @@ def test_a_full_disk_is_logged_once_and_recording_resumes_when_there_is_room(sta
     status, values = listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.ERROR)
     assert "File too large" in status.message and values["fault"] == status.message
     assert int(values["lost"]) > 0 and int(values["dropped"]) > 0
-    done, said = record(False)
-    assert done and said.startswith("not recording: recording to vibro_robot_") and "File too large" in said
-    done, said = record(True)
-    assert not done and "cannot record to" in said and "File too large" in said
+    done, answer = record(False)
+    assert done and answer.startswith("not recording: recording to vibro_robot_") and "File too large" in answer
+    done, answer = record(True)
+    assert not done and "cannot record to" in answer and "File too large" in answer
     (first,) = bags(tmp_path)  # nothing is left of the attempt
     resource.prlimit(robot.pid, resource.RLIMIT_FSIZE, UNLIMITED)
     assert record(True)[0]

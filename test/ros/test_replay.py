@@ -1,6 +1,4 @@
-"""A replay computes a recording again to the last bit, from its beginning or from a checkpoint, and finds
-any changed bit, stamp, message or command.
-"""
+"""A replay repeats a recording to the last bit, from any checkpoint, and finds each changed message or command."""
 
 import json
 import random
@@ -53,8 +51,7 @@ def test_the_storage_makes_no_difference(recorded, tmp_path, capsys):
 
 
 def test_a_killed_robots_bag_is_replayed_to_its_end(udp_only, start, bench, tmp_path, capsys):
-    """Sample times that are no whole nanoseconds, three times real time, remapped topics, and files of half a second.
-    """
+    """At three times real time: files of half a second, remapped topics, times between whole nanoseconds."""
     bag = record_run(start, bench, tmp_path, "rate.publish:=333.0", "rate.real_time_factor:=3.0", "scene:=unilateral",
                      "record.max_duration:=0.5", seconds=1.0, end=signal.SIGKILL,
                      names=("-r", "__ns:=/lab", "-r", "motor_speed:=speed", "-r", "odom:=body/odom"),
@@ -119,10 +116,10 @@ def test_a_bag_that_says_nothing_of_its_scene_is_refused(recorded, tmp_path, cap
 LAST_POSITION = -8 * (1 + 1 + 5 + 1 + 5)  # of joint_states: then lengths and numbers of velocity, effort
 
 
-def flipped(bit: int):
-    """Flip one bit of the last position in message 333 of joint_states."""
+def flip_bit(bit: int):
+    """Return a change of messages: one bit of the last position in message 333 of joint_states is flipped."""
     def change(messages: list) -> list:
-        number = place(messages, "/joint_states", 333)
+        number = index_of(messages, "/joint_states", 333)
         topic, stamp, data = messages[number]
         changed = bytearray(data)
         changed[LAST_POSITION + bit // 8] ^= 1 << bit % 8
@@ -130,32 +127,34 @@ def flipped(bit: int):
     return change
 
 
-def copies(topic: str, number: int, count: int):
-    """Put several copies of a message in its place."""
+def repeat_message(topic: str, number: int, count: int):
+    """Return a change of messages: `count` copies replace a message; with 0 it is lost."""
     def change(messages: list) -> list:
-        at = place(messages, topic, number)
+        at = index_of(messages, topic, number)
         return messages[:at] + [messages[at]] * count + messages[at + 1:]
     return change
 
 
-def place(messages: list, topic: str, number: int) -> int:
+def index_of(messages: list, topic: str, number: int) -> int:
+    """Return the index of message `number` of a topic."""
     return [i for i, (name, _, _) in enumerate(messages) if name == topic][number]
 
 
-def late(messages: list) -> list:
+def delay_last_message(messages: list) -> list:
     topic, stamp, data = messages[-1]
     return [*messages[:-1], (topic, stamp + 10**18, data)]  # 32 years
 
 
 CHANGES = {  # a change, how many messages the bag says were dropped, the exit code, and what is said
-    "lowest bit": (flipped(0), 0, 1, ["first difference: /joint_states message 333 at 1.665 s (stamp ", "(1 ulp)",
+    "lowest bit": (flip_bit(0), 0, 1, ["first difference: /joint_states message 333 at 1.665 s (stamp ", "(1 ulp)",
                                       "position[4] (inclined_plate): recorded "]),
-    "sign": (flipped(63), 0, 1, ["/joint_states message 333 at 1.665 s", "position[4] (inclined_plate): recorded "]),
-    "stamp": (late, 0, 1, ["recorded stamp: recorded "]),
-    "dropped": (copies("/odom", 100, 0), 1, 0, ["not recorded: 1 messages"]),
-    "lost": (copies("/odom", 100, 0), 0, 1, ["/odom message 100 at 0.5 s", "recorded 'no message'"]),
-    "doubled": (copies("/impacts", 10, 2), 0, 1, ["/impacts message 11 at "]),
-    "lost command": (copies("/motor_speed", 3, 0), 1, 1, ["note: 1 messages dropped; a command may be among them"]),
+    "sign": (flip_bit(63), 0, 1, ["/joint_states message 333 at 1.665 s", "position[4] (inclined_plate): recorded "]),
+    "stamp": (delay_last_message, 0, 1, ["recorded stamp: recorded "]),
+    "dropped": (repeat_message("/odom", 100, 0), 1, 0, ["not recorded: 1 messages"]),
+    "lost": (repeat_message("/odom", 100, 0), 0, 1, ["/odom message 100 at 0.5 s", "recorded 'no message'"]),
+    "doubled": (repeat_message("/impacts", 10, 2), 0, 1, ["/impacts message 11 at "]),
+    "lost command": (repeat_message("/motor_speed", 3, 0), 1, 1,
+                     ["note: 1 messages dropped; a command may be among them"]),
 }
 
 
@@ -177,7 +176,7 @@ FAULTS = (("motor_stall", "", (0.0, 0.0)), ("plate_stuck", "upper", (0.0, 0.0)),
           ("sensor_offset", "imu", (-1.0, 1.0)))
 
 
-class Cut(BagStream):
+class BagFrom(BagStream):
     """A bag without the messages before a stamp [ns]."""
 
     def __init__(self, path: Path, start: int):
@@ -207,7 +206,7 @@ def random_parameters(chance: random.Random) -> list[str]:
     return [word for parameter in words for word in ("-p", parameter)]
 
 
-def acts_on(bench, chance: random.Random) -> list:
+def actions_on(bench, chance: random.Random) -> list:
     """Return functions that each command the robot, or request something of it without waiting for the answer."""
     types = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
     pause, record, reset, step, parameters, state, push, fault = (known_client(bench, kind, name) for kind, name in (
@@ -229,9 +228,9 @@ def acts_on(bench, chance: random.Random) -> list:
 
     def fail():
         name, of, values = chance.choice(FAULTS)
-        place = {"from_x": -0.01, "to_x": 0.01} if name == "friction_patch" else {}
+        span = {"from_x": -0.01, "to_x": 0.01} if name == "friction_patch" else {}
         return fault.call_async(types.InjectFault.Request(fault=name, of=of, value=chance.uniform(*values),
-                                                        duration=chance.uniform(0.01, 0.5), **place))
+                                                        duration=chance.uniform(0.01, 0.5), **span))
 
     return [
         command, command, command, change, change, change, fail,
@@ -251,10 +250,10 @@ def record_at_random(start, bench, folder: Path, seed: int, seconds: float) -> t
                                    QoSProfile(depth=1000))
     robot = start("robot", "--ros-args", "-p", f"record.directory:={folder}", *random_parameters(chance))
     robot.wait_for("ready")
-    acts = acts_on(bench, chance)
+    actions = actions_on(bench, chance)
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        answers.append(chance.choice(acts)())
+        answers.append(chance.choice(actions)())
         due = time.monotonic() + chance.expovariate(40.0)
         bench.spin_until(lambda due=due: time.monotonic() >= due, "the next", patience=10.0)
     bench.spin_until(lambda: all(answer.done() for answer in answers if answer), "answers")
@@ -268,7 +267,7 @@ def differences_in(bag: Path) -> tuple[int, list[str]]:
     starts, differences = starts_of(bag), []
     starts = starts[::1 + len(starts) // 8]
     for stamp in starts:
-        with Cut(bag, stamp) as stream:
+        with BagFrom(bag, stamp) as stream:
             if difference := compare(stream).difference:
                 differences.append(f"{bag.name} from {stamp}: {difference}")
     return len(starts), differences

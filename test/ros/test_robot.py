@@ -10,7 +10,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from observation import COMMANDS, HEARD, PERIOD, Operator, messages_of, stop, stop_with_whole_bag
+from observation import COMMANDS, OBSERVED, PERIOD, Operator, messages_of, stop, stop_with_whole_bag
 from rclpy.qos import QoSProfile
 from recorded_bag import by_mcap, by_rosbags
 from sensor_msgs.msg import JointState
@@ -43,12 +43,12 @@ def test_the_robot_moves_as_simulated_and_its_bag_has_every_message(start, bench
     folder = tmp_path / stop_with_whole_bag(robot)
 
     recorded = raw_messages(folder)
-    known = (*HEARD, *COMMANDS, "joint_commands", "robot_description", "tf_static", "tf", "vibro_robot/operations")
+    known = (*OBSERVED, *COMMANDS, "joint_commands", "robot_description", "tf_static", "tf", "vibro_robot/operations")
     assert set(read_bag(folder).topics) == {f"/{topic}" for topic in known}
-    for topic, heard in operator.heard.items():
+    for topic, received in operator.received.items():
         data = [data for _, data in recorded[f"/{topic}"]]
-        pieces = (data[first : first + len(heard)] for first in range(len(data) - len(heard) + 1))
-        assert heard in pieces, f"{topic}: heard is not a piece of the bag, without a gap"
+        pieces = (data[first : first + len(received)] for first in range(len(data) - len(received) + 1))
+        assert received in pieces, f"{topic}: the received messages are no piece of the bag without a gap"
     bag = read_bag(folder)
     sent = [300.0, 200.0, 100.0, 130.0, 60.0], [0.0005], [-0.0003]
     assert tuple(bag[name]["value"].tolist() for name in COMMANDS) == sent

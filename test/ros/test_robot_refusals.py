@@ -84,9 +84,9 @@ def test_warnings_of_the_middleware_are_lines_of_the_log(start):
     started = start("robot", wrapper=["env", "FASTRTPS_DEFAULT_PROFILES_FILE=none.xml",
                                      "RMW_FASTRTPS_PUBLICATION_MODE=pigeons"])
     started.wait_for("ready")
-    said = [line.partition("[vibro_robot]: the middleware says: ")[2] for line in started.lines if "[WARN]" in line]
-    assert [line for line in said if line.startswith("Value pigeons unknown for")]
-    assert "realpath failed No such file or directory" in said
+    lines = [line.partition("[vibro_robot]: the middleware says: ")[2] for line in started.lines if "[WARN]" in line]
+    assert [line for line in lines if line.startswith("Value pigeons unknown for")]
+    assert "realpath failed No such file or directory" in lines
     assert all(line.startswith("[") and "\x1b" not in line for line in started.lines)
 
 

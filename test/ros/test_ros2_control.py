@@ -60,10 +60,10 @@ def test_topic_based_hardware_drives_the_robot_and_the_run_replays(start, bench,
     robot = start("robot", "--ros-args", "-p", "ros2_control:=true", "-p", "command.timeout:=0.5", "-r",
                   "joint_states:=robot_joint_states")
     robot.wait_for("ready")
-    heard: list[String] = []
-    bench.node.create_subscription(String, "robot_description", heard.append, qos_profile("robot_description"))
-    bench.spin_until(lambda: heard, "the description")
-    system = TopicSystem(bench, heard[0].data)
+    received: list[String] = []
+    bench.node.create_subscription(String, "robot_description", received.append, qos_profile("robot_description"))
+    bench.spin_until(lambda: received, "the description")
+    system = TopicSystem(bench, received[0].data)
     assert system.joints == {
         "crank": ["velocity"], "upper_plate": ["position"], "inclined_plate": ["position"]}
     for _ in range(5):  # no controller is active yet

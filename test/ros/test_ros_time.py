@@ -76,7 +76,7 @@ def test_stamps_begin_at_the_first_time_whatever_else_comes(start, bench, listen
     assert read_bag(folder, {}).metadata["start"] == str(1000 * 10**9 + 5)
 
 
-HERE = Path(__file__).parent
+FOLDER = Path(__file__).parent
 def lock_stepped(start, nodes: str, *more: str):
     """Start a robot that waits at robot time 0 until it is resumed, and then runs as fast as robot and `nodes` can."""
     return start("robot", "--ros-args", "-p", "clock.publish:=true", "-p", f"clock.lock_step:=[{nodes}]",
@@ -108,7 +108,7 @@ def assert_equal(first: list[tuple[str, int, bytes]], second: list[tuple[str, in
 @pytest.fixture
 def start_peer(start):
     """Start the node of `simulated_time_peer.py`."""
-    return partial(start, str(HERE / "simulated_time_peer.py"), "--ros-args", "-p", "use_sim_time:=true")
+    return partial(start, str(FOLDER / "simulated_time_peer.py"), "--ros-args", "-p", "use_sim_time:=true")
 
 
 def test_two_runs_of_a_node_with_a_timer_have_bags_with_the_same_messages(start, start_peer, bench, resume, tmp_path):

@@ -37,11 +37,11 @@ DONE = {
 
 @pytest.mark.parametrize("current", TRANSITIONS)
 def test_every_number_of_a_state_has_an_answer(current):
-    for wanted in BYTE:
-        if (current, wanted) in DONE:
-            assert transition(current, wanted) == DONE[current, wanted]
+    for target in BYTE:
+        if (current, target) in DONE:
+            assert transition(current, target) == DONE[current, target]
             continue
         with pytest.raises(RefusalError) as refused:
-            transition(current, wanted)
-        assert refused.value.code == REFUSED[current, wanted], wanted
-        assert str(wanted) in str(refused.value) or STATES[wanted] in str(refused.value)
+            transition(current, target)
+        assert refused.value.code == REFUSED[current, target], target
+        assert str(target) in str(refused.value) or STATES[target] in str(refused.value)

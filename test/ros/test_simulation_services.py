@@ -21,24 +21,37 @@ def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, 
     assert list(features.features) == [8, 10, 11, 12, 20, 22, 24, 25, 26, 31, 32, 33]
     assert list(features.spawn_formats) == []
     assert "publish period" in features.custom_info
+    states_change_as_defined(simulator, call)
+    resets_restore_the_state_and_not_the_clock(simulator, listener)
+    only_a_paused_robot_takes_steps(simulator)
+    assert simulator.become(State.PLAYING) == Code.OK
+    bag = tmp_path / stop_with_whole_bag(simulator.robot)
+    *_, stepped, resumed = stamps_of(bag, "/vibro_robot/operations")
+    assert operations_in(bag)[-1] == "resume"
+    assert len([stamp for stamp in stamps_of(bag) if stepped < stamp <= resumed]) == STEPS
+
+
+def states_change_as_defined(simulator, call) -> None:
     assert simulator.state == State.PLAYING
-    for wanted, code, state in (
+    for target, code, state in (
             (State.PLAYING, Code.ALREADY_IN_TARGET_STATE, State.PLAYING), (State.PAUSED, Code.OK, State.PAUSED),
             (State.PAUSED, Code.ALREADY_IN_TARGET_STATE, State.PAUSED), (State.STOPPED, Code.OK, State.STOPPED),
             (State.PAUSED, Code.INCORRECT_TRANSITION, State.STOPPED)):
-        assert simulator.become(wanted) == code
+        assert simulator.become(target) == code
         assert simulator.state == state
     assert simulator.call("StepSimulation", steps=1) == (Code.OK, "")
     assert simulator.state == State.PAUSED
     assert simulator.become(State.LOADING_WORLD) == Code.FEATURE_UNSUPPORTED
     assert simulator.become(255) == Code.NOT_FOUND
     assert simulator.become(State.PLAYING) == Code.OK
-    # the services of std_srvs lead to the same states
+    # The services of std_srvs lead to the same states.
     assert call(SetBool, "pause", data=True).success
     assert simulator.state == State.PAUSED
     assert call(Trigger, "reset").success
     assert simulator.state == State.STOPPED
-    # a reset puts the state back and lets the clock go on
+
+
+def resets_restore_the_state_and_not_the_clock(simulator, listener) -> None:
     assert simulator.become(State.PLAYING) == Code.OK
     listener.spin_for_samples(20)
     assert simulator.call("ResetSimulation", scope=2) == (Code.OK, "")
@@ -54,23 +67,20 @@ def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, 
         assert simulator.call("ResetSimulation", scope=scope)[0] == code
         assert simulator.state == State.PAUSED
     assert all(earlier < later for earlier, later in zip(listener.stamps, listener.stamps[1:], strict=False))
-    # steps are samples, and only a paused robot takes them
+
+
+def only_a_paused_robot_takes_steps(simulator) -> None:
     assert simulator.become(State.PLAYING) == Code.OK
     code, words = simulator.call("StepSimulation", steps=5)
     assert (code, words) == (Code.OPERATION_FAILED, "the robot is not paused; set the state 2 (PAUSED) first")
     status, code, words = simulator.result(simulator.send(5))
     assert (status, code) == (6, Code.OPERATION_FAILED) and "not paused" in words  # 6: aborted
     assert simulator.become(State.STOPPED) == Code.OK
-    assert simulator.call("StepSimulation", steps=7) == (Code.OK, "")
+    assert simulator.call("StepSimulation", steps=STEPS) == (Code.OK, "")
     for steps in (0, 10**12):
         code, words = simulator.call("StepSimulation", steps=steps)
         assert code == Code.OPERATION_FAILED and words.startswith(f"{steps} steps; give 1 to {MOST_STEPS}")
         assert simulator.result(simulator.send(steps))[1:] == (Code.OPERATION_FAILED, words)
-    assert simulator.become(State.PLAYING) == Code.OK
-    bag = tmp_path / stop_with_whole_bag(simulator.robot)
-    *_, stepped, resumed = stamps_of(bag, "/vibro_robot/operations")
-    assert operations_in(bag)[-1] == "resume"
-    assert len([stamp for stamp in stamps_of(bag) if stepped < stamp <= resumed]) == 7
 
 
 def test_the_robot_is_the_only_entity_and_filters_apply(simulator, types, call):
@@ -97,9 +107,19 @@ def test_the_robot_is_the_only_entity_and_filters_apply(simulator, types, call):
     assert call(types.srv.GetEntityInfo, "get_entity_info", entity="arm").result.result == Code.NOT_FOUND
 
 
-def test_many_steps_give_feedback_block_no_service_and_can_be_cancelled(
-        simulator, listener, tmp_path):
+def test_many_steps_give_feedback_block_no_service_and_can_be_cancelled(simulator, listener, tmp_path):
     simulator.become(State.PAUSED)
+    steps_give_feedback_until_they_are_cancelled(simulator)
+    another_state_ends_the_steps(simulator, listener)
+    many_requests_at_once_are_answered(simulator)
+    future = simulator.begin_many_steps(listener)
+    assert simulator.become(State.QUITTING) == Code.OK
+    result = simulator.answer(future).result
+    assert (result.result, result.error_message) == (Code.OPERATION_FAILED, "the simulation has ended")
+    assert replay.main([str(tmp_path / whole_bag(simulator.robot))]) == 0
+
+
+def steps_give_feedback_until_they_are_cancelled(simulator) -> None:
     begun = time.monotonic()
     goal = simulator.send(MOST_STEPS)
     simulator.bench.spin_until(lambda: len(simulator.feedback) > 2, "feedback")
@@ -120,7 +140,9 @@ def test_many_steps_give_feedback_block_no_service_and_can_be_cancelled(
     status, code, words = simulator.result(simulator.send(STEPS))
     assert (status, code, words) == (4, Code.OK, "")  # 4: succeeded
     simulator.bench.spin_until(lambda: simulator.feedback[-1] == (STEPS, 0), "feedback of the last step")
-    # another state ends the steps
+
+
+def another_state_ends_the_steps(simulator, listener) -> None:
     for state in (State.PLAYING, State.STOPPED):
         simulator.become(State.PAUSED)
         future = simulator.begin_many_steps(listener)
@@ -128,6 +150,9 @@ def test_many_steps_give_feedback_block_no_service_and_can_be_cancelled(
         result = simulator.answer(future).result
         assert result.result == Code.OPERATION_FAILED and f" of {MOST_STEPS} periods" in result.error_message
         assert simulator.state == state
+
+
+def many_requests_at_once_are_answered(simulator) -> None:
     codes, together = set(), 8  # DDS keeps the last 10 requests of a service that nobody has taken yet
     for first in range(0, 32, together):
         futures = [simulator.begin(name, **fields) for number in range(first, first + together) for name, fields in (
@@ -138,11 +163,6 @@ def test_many_steps_give_feedback_block_no_service_and_can_be_cancelled(
             simulator.become(State.STOPPED)  # which ends steps
         codes |= {future.result().result.result for future in futures}
     assert codes <= set(Code) and {Code.OK, Code.NOT_FOUND, Code.OPERATION_FAILED} <= codes
-    future = simulator.begin_many_steps(listener)
-    assert simulator.become(State.QUITTING) == Code.OK
-    result = simulator.answer(future).result
-    assert (result.result, result.error_message) == (Code.OPERATION_FAILED, "the simulation has ended")
-    assert replay.main([str(tmp_path / whole_bag(simulator.robot))]) == 0
 
 
 def test_a_request_whose_callback_fails_is_answered(types):

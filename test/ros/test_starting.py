@@ -55,9 +55,9 @@ def test_closing_the_robots_terminal_seals_the_bag(domain_id, tmp_path):
                              preexec_fn=lambda: fcntl.ioctl(slave, termios.TIOCSCTTY, 0))
     try:
         os.close(slave)
-        said = b""
-        while b"ready: " not in said:
-            said += os.read(terminal, 4096)  # OSError when the robot ends before
+        output = b""
+        while b"ready: " not in output:
+            output += os.read(terminal, 4096)  # OSError when the robot ends before
         os.close(terminal)
         assert robot.wait(PROMPT) == 0
     finally:
@@ -73,13 +73,13 @@ def test_a_closed_pipe_does_not_end_the_robot(domain_id, tmp_path, bench):
     try:
         with closing(robot.stdout):
             assert "]: scene " in robot.stdout.readline()
-        heard = []
-        bench.node.create_subscription(Odometry, "odom", heard.append, 100)
+        received = []
+        bench.node.create_subscription(Odometry, "odom", received.append, 100)
         publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
-        bench.spin_until(lambda: heard and publisher.get_subscription_count(), "robot up")
+        bench.spin_until(lambda: received and publisher.get_subscription_count(), "robot up")
         publisher.publish(Float64(data=-501.0))  # refused, which it says to nobody
-        count = len(heard)
-        bench.spin_until(lambda: len(heard) > count + 50, "odom after that")
+        count = len(received)
+        bench.spin_until(lambda: len(received) > count + 50, "odom after that")
         robot.send_signal(signal.SIGTERM)
         assert robot.wait(PROMPT) == 0
     finally:
@@ -96,9 +96,9 @@ def test_the_wait_for_a_robot_is_logged_repeatedly(bench, monkeypatch, capfd):
         player.wait_for_listeners(bench.node, [publisher], 0.5, request)
     assert str(error.value) == ("no robot listens to /motor_speed after 0.5 s; start one (ros2 run vibro_ros robot), "
                                 "in the same ROS domain and namespace")
-    said = capfd.readouterr().err
-    assert "waiting up to 0.5 s for a robot on /motor_speed" in said
-    assert said.count("s: nobody listens to /motor_speed; start one (ros2 run vibro_ros robot)") > 2
+    output = capfd.readouterr().err
+    assert "waiting up to 0.5 s for a robot on /motor_speed" in output
+    assert output.count("s: nobody listens to /motor_speed; start one (ros2 run vibro_ros robot)") > 2
     robot = Node(NODE_NAME, context=bench.node.context)  # which is there and does not listen
     bench.spin_until(lambda: NODE_NAME in bench.node.get_node_names(), "robot in the graph")
     with StopRequest() as request, pytest.raises(RuntimeError, match="; /vibro_robot is there and does not: it"):
@@ -116,8 +116,8 @@ def test_a_node_without_a_log_folder_runs(domain_id, monkeypatch, capfd, variabl
     monkeypatch.setenv(variable, value) if value else monkeypatch.delenv(variable)
     with process.node_running("robot", ()) as node:
         process.spin_once(node, 0.1)
-    said = capfd.readouterr().err
-    assert f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written" in said
+    output = capfd.readouterr().err
+    assert f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written" in output
 
 
 def test_a_signal_and_the_end_of_work_end_a_wait_of_minutes(domain_id):

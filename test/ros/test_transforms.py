@@ -28,14 +28,14 @@ LINKS = {"body", "crank", *(f"{side}_{part}" for side in ("upper", "inclined")
 
 def spin_for_tf(bench, topic: str, count: int) -> dict[str, str]:
     """Return the parent of each child in `count` messages of a topic."""
-    heard: list = []
-    bench.node.create_subscription(TFMessage, topic, heard.append, LATE if "static" in topic else 100)
-    bench.spin_until(lambda: len(heard) >= count, topic)
+    received: list = []
+    bench.node.create_subscription(TFMessage, topic, received.append, LATE if "static" in topic else 100)
+    bench.spin_until(lambda: len(received) >= count, topic)
     return {transform.child_frame_id: transform.header.frame_id
-            for message in heard for transform in message.transforms}
+            for message in received for transform in message.transforms}
 
 
-def offered(bench, topic: str) -> list[tuple[ReliabilityPolicy, DurabilityPolicy]]:
+def offered_quality(bench, topic: str) -> list[tuple[ReliabilityPolicy, DurabilityPolicy]]:
     publishers = bench.node.get_publishers_info_by_topic(topic)
     return [(publisher.qos_profile.reliability, publisher.qos_profile.durability) for publisher in publishers]
 
@@ -47,12 +47,12 @@ def test_late_subscribers_get_every_frame_and_the_urdf_by_the_given_names(
     listener.spin_for_samples(50)  # whoever listens from now on is late
     parents = spin_for_tf(bench, "/lab/tf", 20) | spin_for_tf(bench, "/lab/tf_static", 1)
     assert frames_of(parents) == {f"r1/{frame}" for frame in ("odom", "base_link", *LINKS)}
-    assert offered(bench, "/lab/tf") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)]
-    assert offered(bench, "/lab/tf_static") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)]
-    heard: list[String] = []
-    bench.node.create_subscription(String, "robot_description", heard.append, LATE)
-    bench.spin_until(lambda: heard, "robot_description")
-    assert heard[0].data == robot_description(load_scene("device").with_parameters({"guide.angle": 1.3}))
+    assert offered_quality(bench, "/lab/tf") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)]
+    assert offered_quality(bench, "/lab/tf_static") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)]
+    received: list[String] = []
+    bench.node.create_subscription(String, "robot_description", received.append, LATE)
+    bench.spin_until(lambda: received, "robot_description")
+    assert received[0].data == robot_description(load_scene("device").with_parameters({"guide.angle": 1.3}))
     stop(robot)
     (folder,) = bags(tmp_path)
     assert set(read_bag(folder).topics) == {"/lab/tf", "/lab/tf_static"}
@@ -64,7 +64,7 @@ def test_beside_a_robot_state_publisher_only_the_base_is_published(start, bench,
     robot = start("robot", "--ros-args", "-p", "tf.publish:=base")
     listener.spin_for_samples(20)
     assert spin_for_tf(bench, "/tf", 20) == {"base_link": "odom"}
-    assert offered(bench, "/tf_static") == []
+    assert offered_quality(bench, "/tf_static") == []
     stop(robot)
     (folder,) = bags(tmp_path)
     recorded = read_bag(folder)

@@ -18,18 +18,18 @@ FOLDER = r"vibro_robot_\d{4}(?:_\d\d){2}-\d\d_\d\d_\d\d"
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?"
 
 
-def check(shown: str, said: str, live: bool) -> None:
+def check(shown: str, output: str, live: bool) -> None:
     """Compare output with the page, where `…` matches anything; numbers of a live run, and spaces, may differ."""
-    shown, said = (re.sub(" +", " ", text) for text in (shown, said))
+    shown, output = (re.sub(" +", " ", text) for text in (shown, output))
     pattern = re.sub(FOLDER, "FOLDER", shown.strip())
     pattern = re.escape(pattern).replace("FOLDER", FOLDER).replace("…", ".*?").replace("\\\n", "\n")
     if live:
         pattern = re.sub(r"(?<![\\\w{])(?:\\[-+])?\d+(?:\\\.\d+)?(?:e\\[-+]\d+)?", lambda _: NUMBER, pattern)
-    assert re.fullmatch(pattern, said.strip(), re.DOTALL), f"shown:\n{shown}\nsaid:\n{said}"
+    assert re.fullmatch(pattern, output.strip(), re.DOTALL), f"shown:\n{shown}\nsaid:\n{output}"
 
 
-def numbers_after(word: str, said: str) -> list[float]:
-    return [float(number) for number in re.findall(rf"{re.escape(word)}\s*({NUMBER})", said)]
+def numbers_after(word: str, output: str) -> list[float]:
+    return [float(number) for number in re.findall(rf"{re.escape(word)}\s*({NUMBER})", output)]
 
 
 @pytest.fixture
@@ -63,14 +63,15 @@ def test_the_tutorial_shows_the_real_output(start, run, tmp_path):
     assert {*FILES} == {"speeds.yaml", "look.py", "sweep.py", "standstill.py"}
     for name, content in FILES.items():
         (tmp_path / name).write_text(re.sub(FOLDER, bag.name, content))
-    said = run(look)
-    check(sessions[look], said, live=True)
-    speeds, powers = numbers_after("rad/s:", said), numbers_after("second,", said)
+    output = run(look)
+    check(sessions[look], output, live=True)
+    speeds, powers = numbers_after("rad/s:", output), numbers_after("second,", output)
     assert speeds[0] < speeds[1] < 0.0 < powers[0] < powers[1]  # the faster motor makes it slower for more power
     check(sessions[replay], run(re.sub(FOLDER, bag.name, replay)), live=True)
-    said = run(re.sub(FOLDER, bag.name, vary))
-    check(sessions[vary], said, live=True)
-    recorded, varied = numbers_after("displacement [m]", said)[0], float(said.split("displacement [m]")[1].split()[1])
+    output = run(re.sub(FOLDER, bag.name, vary))
+    check(sessions[vary], output, live=True)
+    recorded = numbers_after("displacement [m]", output)[0]
+    varied = float(output.split("displacement [m]")[1].split()[1])
     assert recorded < -0.3 and abs(varied) < 0.01  # m: on ice it ends where it began, but for what still swings
 
 

@@ -53,7 +53,7 @@ def assert_go_on_alike(made: vibro_ros.Simulator, other: vibro_ros.Simulator, un
     assert made.state == other.state
 
 
-def suffer(made: vibro_ros.Simulator) -> None:
+def disturb_in_every_way(made: vibro_ros.Simulator) -> None:
     """Give a device every fault that it can have, and a push, from now on."""
     made.push(0.0371, force_x=8.0, force_z=9.0 if made.scene.body_hops else 0.0)
     if not made.scene.linkage or made.scene["effects.motor"] != "ideal":  # such a motor keeps its speed

@@ -81,11 +81,11 @@ def test_a_simulator_keeps_events_until_they_are_taken_and_not_after():
     tracemalloc.start()
     try:
         made.advance_to(101.0)
-        kept = tracemalloc.get_traced_memory()[0]
+        memory = tracemalloc.get_traced_memory()[0]
         count = len(made.take_events())
         left = tracemalloc.get_traced_memory()[0]
     finally:
         tracemalloc.stop()
     assert count > 20_000
-    assert 5 * 8 * count <= kept < 6 * 8 * count  # five numbers each
+    assert 5 * 8 * count <= memory < 6 * 8 * count  # five numbers each
     assert left < 20_000  # bytes

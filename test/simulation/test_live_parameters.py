@@ -177,9 +177,7 @@ def test_the_gap_moves_at_its_speed():
 
 @pytest.mark.parametrize("scene", ["paper", "unilateral", "damped"])
 def test_a_flood_of_commands_at_one_instant(scene):
-    """The last of 1000 commands counts. Each jump of the speed causes a jump of the dampers' force, and none is taken
-    for a lack of progress.
-    """
+    """The last of 1000 commands counts; the jumps of the dampers' force are not taken for a lack of progress."""
     made = device_with({"upper.spring.damping": 50.0, "inclined.spring.damping": 50.0}, scene)
     made.advance_to(0.0155)
     for index in range(1000):

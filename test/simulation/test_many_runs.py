@@ -1,6 +1,4 @@
-"""Many scenes at once: results equal to `simulate`'s and in order, failures with the scene's name, bounded memory, and
-no process left behind.
-"""
+"""`simulate_many`: the results of `simulate` in order, failures by scene, bounded memory, no process left behind."""
 
 import dataclasses
 import gc
@@ -19,7 +17,7 @@ import pytest
 from real_processes import wait_until
 
 import vibro_ros
-from vibro_ros.simulation.runs import AHEAD
+from vibro_ros.simulation.workers import AHEAD
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.methods import Exact
 
@@ -39,6 +37,7 @@ def running():
 
 
 def bits(run):
+    """Return the bytes of all samples and events of a run, and its statistics without the computing time."""
     fields = [getattr(run, field.name) for field in dataclasses.fields(run) if field.name != "statistics"]
     counts = {name: value for name, value in run.statistics.items() if name != "wall_time"}
     return [field.tobytes() for field in fields], counts
@@ -57,14 +56,12 @@ def test_every_result_is_that_of_simulate_and_in_order(workers, arguments):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_belong_to_the_user(workers):
-    """A user who changes a result, or the times that he gave, changes no other result; an array that is kept does not
-    keep others.
-    """
+    """Changing a result or the given times changes no other result; an array that is kept keeps no others."""
     times = np.linspace(0.0, 0.05, 51)
-    wanted = bits(vibro_ros.simulate(vibro_ros.load_scene("unilateral"), times=times))
+    expected = bits(vibro_ros.simulate(vibro_ros.load_scene("unilateral"), times=times))
     scenes = itertools.repeat(vibro_ros.load_scene("unilateral"), 12)
     for run in vibro_ros.simulate_many(scenes, times=times, workers=workers):
-        assert bits(run) == wanted
+        assert bits(run) == expected
         times *= 2.0
         for field in dataclasses.fields(vibro_ros.simulation.samples.Samples):
             array = getattr(run, field.name)
@@ -108,9 +105,7 @@ COMMANDS = [(0.0, {"motor_speed": 90.0}), (0.02, {"upper_gap": 0.001, "inclined_
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("scene", ["unilateral", "device"])
 def test_commands_are_those_of_a_device(scene, workers):
-    """Commands take effect before samples at their instants, and also between samples; commands after the last sample
-    are ignored.
-    """
+    """Commands act before samples at their instants, and between samples; those after the last are ignored."""
     times = np.linspace(0.0, 0.05, 51)
     scene = vibro_ros.load_scene(scene)
     device, rows, waiting = vibro_ros.Simulator(scene), [], list(COMMANDS)
@@ -201,9 +196,7 @@ def test_a_failing_scene_is_named_after_all_results_before_it(
 
 
 def test_workers_work_at_the_same_time():
-    """Each worker waits with its first result until four workers have one, so fewer simultaneous workers would wait for
-    ever.
-    """
+    """Each worker waits with its first result until four have one; fewer at a time would wait for ever."""
     barrier, met = multiprocessing.get_context("fork").Barrier(4, timeout=60.0), set()
 
     def meet(_):
@@ -252,7 +245,7 @@ def test_nothing_runs_once_the_last_result_is_there():
 INTERRUPTED = """
 import os, signal
 from vibro_ros.process import entry_point
-from vibro_ros.simulation.runs import in_processes
+from vibro_ros.simulation.workers import in_processes
 entry_point.interrupt_on_signals()
 def swallowing():
     for number in range(100):

@@ -18,16 +18,16 @@ ENTRIES = {"version", "platform", "sources"}
 
 def differences(changes=None, without=()):
     """Return the notes on a bag that was recorded here, with `changes` of its statements."""
-    told = {**provenance.provenance(DEVICE.parameters, 0), **(changes or {})}
-    told = {key: value for key, value in told.items() if key not in without}
+    entries = {**provenance.provenance(DEVICE.parameters, 0), **(changes or {})}
+    entries = {key: value for key, value in entries.items() if key not in without}
     topics = {name: f"/{name}" for name in ("motor_speed", "upper_gap", "inclined_gap")}
-    stream = SimpleNamespace(metadata=told, start=0, topics=set(topics.values()), flaws=())
+    stream = SimpleNamespace(metadata=entries, start=0, topics=set(topics.values()), flaws=())
     return notes(stream, RecordedRun({}, DEVICE, 0, topics))
 
 
 def test_provenance_has_every_entry_and_equals_itself():
-    told = provenance.provenance(DEVICE.parameters, 0)
-    assert ENTRIES | {"tables"} <= set(told) and all(told.values())
+    entries = provenance.provenance(DEVICE.parameters, 0)
+    assert ENTRIES | {"tables"} <= set(entries) and all(entries.values())
     assert differences() == []
 
 
@@ -46,14 +46,14 @@ def test_a_replay_of_an_older_bag_names_the_missing_entries():
 def test_sources_differ_by_their_text_but_not_by_their_line_ends(monkeypatch):
     read, sources = pkgutil.get_data, provenance.software()["sources"]
 
-    def told(change):
+    def entries(change):
         monkeypatch.setattr(pkgutil, "get_data", lambda package, name: change(read(package, name), name))
         provenance.software.cache_clear()
         return provenance.software()["sources"]
 
-    assert told(lambda text, name: text.replace(b"\n", b"\r\n")) == sources
+    assert entries(lambda text, name: text.replace(b"\n", b"\r\n")) == sources
     for module in ("flow.py", "noise.py"):  # of the solver, and of the sensors
-        assert told(lambda text, name, module=module: text + b"#" * (name == module)) != sources
+        assert entries(lambda text, name, module=module: text + b"#" * (name == module)) != sources
     monkeypatch.undo()
     provenance.software.cache_clear()
     assert provenance.software()["sources"] == sources

@@ -15,7 +15,7 @@ def test_resets_are_detected_for_both_directions_of_the_crank(name, changes, rat
     angle are recognised.
     """
     device = vibro_ros.Simulator(vibro_ros.load_scene(name).with_parameters(changes))
-    rows, wanted, elapsed = [], [], 0.0
+    rows, expected, elapsed = [], [], 0.0
     for speeds in ((100.0, 90.0, -95.0), (-90.0, -100.0, 60.0), (80.0,)):
         for k, speed in enumerate(speeds):
             device.command(motor_speed=speed)
@@ -23,10 +23,10 @@ def test_resets_are_detected_for_both_directions_of_the_crank(name, changes, rat
                 device.advance_to(k + (tick + 1) / rate)
                 rows.append((elapsed + device.time, device.state.crank_angle, device.state.motor_speed))
         elapsed += device.time
-        wanted.append(len(rows) - 1)  # between this sample and the next one
+        expected.append(len(rows) - 1)  # between this sample and the next one
         device.reset()
     reset_after = resets(*np.array(rows).T)
-    assert np.flatnonzero(reset_after).tolist() == wanted[:-1]
+    assert np.flatnonzero(reset_after).tolist() == expected[:-1]
 
 
 def test_a_run_has_a_repr_of_one_line_and_a_table():

@@ -8,7 +8,7 @@ import signal
 
 import numpy as np
 import pytest
-from commanded_device import RAMP, device, of_kind, refused, state_bits, suffer
+from commanded_device import RAMP, device, disturb_in_every_way, of_kind, refused, state_bits
 
 import vibro_ros
 from vibro_ros.simulation.motion import Motion
@@ -59,8 +59,7 @@ def test_a_contact_is_reported_once_with_its_first_instant(commanded):
 
 
 def test_commands_and_samples_at_the_instant_of_an_event():
-    """At the instant of the contact, one rounding before it and one after it, the trajectory is the same to rounding.
-    """
+    """At the contact, or one rounding before or after it, they leave the trajectory the same to rounding."""
     finals = []
     for instant in (math.pi / 200, math.nextafter(math.pi / 200, 0), math.nextafter(math.pi / 200, 1)):
         made = falling(0.02)
@@ -159,7 +158,7 @@ def test_a_forged_checkpoint_is_refused_without_a_crash(changes):
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, **changes})
     made, other = (vibro_ros.Simulator(scene, 300.0 * ("solver.method" not in changes)) for _ in range(2))
     made.advance_to(0.2)
-    suffer(made)
+    disturb_in_every_way(made)
     whole, refused = made.checkpoint(), 0
     far = 1e3 if scene.has_rotor else 1e9  # a spring of 1e9 m would turn a crank for minutes
     for place in range(1, len(whole)):

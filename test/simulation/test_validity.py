@@ -67,8 +67,8 @@ def test_a_flight_with_a_pause_or_of_an_unknown_begin_does_not_count():
     run = {name: value for name, value in vars(vibro_ros.simulate(scene, duration=2.0, rate=200.0)).items()
            if isinstance(value, np.ndarray) and name != "events"}
     ground, top = np.flatnonzero(run["body_height"] == 0.0)[:5], run["body_height"].argmax()
-    for kept in ([*ground, top], [top - 1, top, top + 1]):
-        assert validity_of(scene, {name: value[kept] for name, value in run.items()}).pitch_index == 0.0
+    for rows in ([*ground, top], [top - 1, top, top + 1]):
+        assert validity_of(scene, {name: value[rows] for name, value in run.items()}).pitch_index == 0.0
 
 
 @pytest.mark.parametrize(("continuous", "warns"), [(2.2, False), (0.5, True)])

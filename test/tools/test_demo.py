@@ -57,9 +57,7 @@ def ends_leaving_nothing(demo: Executable) -> int:
 
 
 def test_the_demo_moves_its_own_robot_and_reports(demo, start, tmp_path, domain_id, monkeypatch):  # noqa: F811
-    """Another robot runs in the same domain, such as that of `make view`, and receives none of the demonstration's
-    commands.
-    """
+    """Another robot in the same domain, such as that of `make view`, receives no command of the demonstration."""
     other = start("robot", "--ros-args", "-p", "record.directory:=other")
     other.wait_for("ready")
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")

@@ -35,8 +35,8 @@ def test_the_committed_drawing_is_the_one_that_the_code_makes(tmp_path):
 def test_every_symbol_of_the_page_that_can_be_seen_is_in_the_drawing():
     page = (DOCS / "robot.md").read_text(encoding="utf-8")
     table = page.partition("## Names and signs")[2].partition("\n\nThe *gap*")[0]
-    told = {symbol for cell in re.findall(r"^\| ([^|]+) \|", table, re.MULTILINE)[1:] for symbol in cell.split(", ")}
+    symbols = {symbol for cell in re.findall(r"^\| ([^|]+) \|", table, re.MULTILINE)[1:] for symbol in cell.split(", ")}
     written = " ".join(texts(drawing.Drawing(SCENE).figure)).replace("$", "").replace("_", "")
     seen = set(re.findall(r"[^\W\d]+\d?", written))
-    assert len(told) > 20
-    assert {symbol.replace("_", "") for symbol in told} - seen == {"μs", "vs", "α", "cv", "F0"}
+    assert len(symbols) > 20
+    assert {symbol.replace("_", "") for symbol in symbols} - seen == {"μs", "vs", "α", "cv", "F0"}

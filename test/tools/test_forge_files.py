@@ -30,8 +30,8 @@ def test_the_workflow_runs_every_supported_python_and_both_distributions():
     "pull_request_template.md", *sorted(f"ISSUE_TEMPLATE/{path.name}" for path in FORGE.glob("ISSUE_TEMPLATE/*.md"))])
 def test_the_command_of_a_template_prints_the_provenance_of_a_bag(template, tmp_path):
     [command] = re.findall(r"^    (sed .*)$", (FORGE / template).read_text(), re.MULTILINE)
-    told = provenance(load_scene("device").parameters, 0)
-    write_metadata(tmp_path / FILE_NAME, bag_information([], [], told))
+    entries = provenance(load_scene("device").parameters, 0)
+    write_metadata(tmp_path / FILE_NAME, bag_information([], [], entries))
     printed = subprocess.run(command.replace("BAG_FOLDER", str(tmp_path)), shell=True, check=True, text=True,
                              capture_output=True).stdout
-    assert yaml.safe_load(printed)["custom_data"] == told
+    assert yaml.safe_load(printed)["custom_data"] == entries

@@ -126,8 +126,8 @@ def test_a_workspace_has_the_lab_beside_the_device(colcon, tmp_path):
     prefix, *packages = colcon.run(f'"{sys.executable}" -c "{program}"', tmp_path).split()
     assert all(Path(package).is_relative_to(colcon.prefix.parent) for package in (prefix, *packages))
     assert {file.name for file in Path(prefix, "lib", "vibro_lab").iterdir()} == {"accuracy", "study", "twin"}
-    said = colcon.run(f"{prefix}/lib/vibro_lab/study --help", tmp_path)
-    assert "Study the machine" in said
+    output = colcon.run(f"{prefix}/lib/vibro_lab/study --help", tmp_path)
+    assert "Study the machine" in output
 
 
 def test_executables_and_package_are_installed_and_found(installation, monkeypatch):

@@ -27,5 +27,5 @@ def test_a_package_is_in_the_index_and_its_executables_start(monkeypatch, packag
     assert package != "vibro_ros" or (share / "config" / "robot.yaml").is_file()
     folder = PREFIX / "lib" / package
     assert {file.name for file in folder.iterdir() if os.access(file, os.X_OK)} == executables
-    said = subprocess.run([folder / words[0], "--help"], capture_output=True, text=True, timeout=60, check=True).stdout
-    assert words[1] in " ".join(said.split())
+    done = subprocess.run([folder / words[0], "--help"], capture_output=True, text=True, timeout=60, check=True)
+    assert words[1] in " ".join(done.stdout.split())

@@ -13,17 +13,17 @@ def test_the_code_has_all_of_the_last_release(capsys):
     assert "class Simulator:" in FILE.read_text() and "def simulate(" in FILE.read_text()
 
 
-@pytest.mark.parametrize(("old", "new", "told"), [
+@pytest.mark.parametrize(("old", "new", "words"), [
     ("def load_scene(", "def load(", "load_scene"),
     ("class Simulator:", "class Device:", "Simulator"),
     ("    def push(", "    def shove(", "Simulator.push"),
     ("duration: float | None = None, rate", "rate: float | None = None, duration", "simulate"),
     ("name_or_path: str | Path, node", "name_or_path: str | Path, more: int, node", "load_scene(more)")])
-def test_a_name_or_place_that_a_program_relies_on_needs_a_new_major_version(old, new, told):
+def test_a_name_or_place_that_a_program_relies_on_needs_a_new_major_version(old, new, words):
     assert complaints(RELEASED, CODE, "2.0.0") == []
     changed = CODE.replace(old, new)
     lost = complaints(RELEASED, changed, "2.1.0")
-    assert any(told in line and "CHANGELOG" in line and "version 2.0.0 has it" in line for line in lost), lost
+    assert any(words in line and "CHANGELOG" in line and "version 2.0.0 has it" in line for line in lost), lost
     assert complaints(RELEASED, changed, "3.0.0") == []
 
 

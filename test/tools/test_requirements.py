@@ -42,7 +42,7 @@ def pinned(locks: Iterable[str]) -> dict[str, Version]:
 
 
 @pytest.fixture(scope="module")
-def asked(tmp_path_factory) -> dict[tuple[str, str], set[Requirement]]:
+def declared(tmp_path_factory) -> dict[tuple[str, str], set[Requirement]]:
     """Return what each setup.py requires for this interpreter, by package and extra, which is empty for all users."""
     wanted = {}
     for package, source in PACKAGES.items():
@@ -63,9 +63,9 @@ def applies(requirement: Requirement) -> bool:
     return requirement.marker is None or requirement.marker.evaluate({"extra": ""})
 
 
-def needed(asked: Iterable[Requirement], pins: dict[str, Version]) -> set[str]:
+def needed(declared: Iterable[Requirement], pins: dict[str, Version]) -> set[str]:
     """Return the names of all packages that requirements need, each of which must be pinned."""
-    waiting, seen = list(asked), set()
+    waiting, seen = list(declared), set()
     while waiting:
         wanted = waiting.pop()
         name = canonical(wanted.name)
@@ -77,18 +77,18 @@ def needed(asked: Iterable[Requirement], pins: dict[str, Version]) -> set[str]:
     return seen
 
 
-def test_pins_are_complete(asked):
-    assert needed(set().union(*asked.values()), pinned(LOCKS)) >= {"numpy", "pytest", "scipy"}
+def test_pins_are_complete(declared):
+    assert needed(set().union(*declared.values()), pinned(LOCKS)) >= {"numpy", "pytest", "scipy"}
 
 
-def test_a_demonstration_installs_what_a_robot_needs_and_nothing_else(asked):
+def test_a_demonstration_installs_what_a_robot_needs_and_nothing_else(declared):
     """Set-up of tests, style, lab and studies is not what a user waits for."""
     pins = pinned(OF_A_ROBOT)
-    assert needed(asked["vibro_ros", "ros"], pins) | BUILDERS == set(pins)
+    assert needed(declared["vibro_ros", "ros"], pins) | BUILDERS == set(pins)
 
 
-def test_the_lab_adds_only_its_own_pins(asked):
-    assert needed(asked["vibro_lab", ""], pinned((*OF_A_ROBOT, "lab")))
+def test_the_lab_adds_only_its_own_pins(declared):
+    assert needed(declared["vibro_lab", ""], pinned((*OF_A_ROBOT, "lab")))
 
 
 @pytest.mark.parametrize("name", PACKAGES)

@@ -18,9 +18,7 @@ def page(open_page):
 
 @pytest.fixture
 def view(start) -> Iterator[LiveView]:
-    """Start the view as a process of its own; it is ended as a user would at the end of the test, and must not have
-    failed before.
-    """
+    """Start the view as a process; at the end of the test it is ended as by a user, and must not have failed."""
     view = LiveView(start)
     yield view
     if not view.executable.ended:

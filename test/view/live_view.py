@@ -1,10 +1,10 @@
-"""The view as a process of its own, with its environment and its remains."""
+"""The live view as a process."""
 
 import signal
 from pathlib import Path
 
 from observation import stop
-from visitor import address_of
+from web_client import address_of
 
 
 class LiveView:

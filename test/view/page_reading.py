@@ -29,11 +29,11 @@ COLOURED = """name => {  // middle and height [CSS px] of what has a colour in t
 }"""
 
 
-def until(page, done: Callable, what: str = "") -> None:
+def until(page, done: Callable, description: str = "") -> None:
     """Wait until `done(page)`. Playwright's own waiting evaluates text, which the page's policy forbids."""
     deadline = time.monotonic() + PATIENCE
     while not done(page):
-        assert time.monotonic() < deadline, f"{what or done.__name__}: not within {PATIENCE} s; {state(page)}"
+        assert time.monotonic() < deadline, f"{description or done.__name__}: not within {PATIENCE} s; {state(page)}"
         page.wait_for_timeout(20)
 
 

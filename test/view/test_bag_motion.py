@@ -28,16 +28,14 @@ def read(folder, scene=None):
     return MotionDocument(json.loads(json.dumps(header, allow_nan=False)), payload), setting
 
 
-def run_of(times, scene="device", told=COMMANDS):
+def run_of(times, scene="device", inputs=COMMANDS):
     """Return the run of a scene with these commands, by the number of the sample."""
     scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
-    return vibro_ros.simulate(scene, times=times, commands=[(tick / RATE, command) for tick, command in told.items()])
+    return vibro_ros.simulate(scene, times=times, commands=[(tick / RATE, command) for tick, command in inputs.items()])
 
 
 def run_with(last, *acts):
-    """Return the samples up to the number `last` of a `device` on which each (number, method, arguments) is carried out
-    in turn.
-    """
+    """Return the samples up to number `last` of a `device` that is given each (number, method, arguments)."""
     device, times, parts = vibro_ros.Simulator(vibro_ros.load_scene("device")), offset_times(0.0, last / RATE, 6000), []
     for (begin, act, given), (end, *_) in itertools.pairwise([*acts, (last,)]):
         device.advance_to(begin / RATE)
@@ -65,9 +63,9 @@ def test_every_instant_of_every_shipped_scene(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["device", "damped", "rigid"])
 def test_the_impacts_are_those_of_the_run_and_around_each_the_motion_is_exact(name, tmp_path):
-    told = {0: {"motor_speed": 100.0}}
-    motion, _ = read(robot_bag(tmp_path / "bag", name, 201, told, RATE))
-    impacts, run = motion.header["impacts"], run_of(np.array([1.0]), name, told)
+    inputs = {0: {"motor_speed": 100.0}}
+    motion, _ = read(robot_bag(tmp_path / "bag", name, 201, inputs, RATE))
+    impacts, run = motion.header["impacts"], run_of(np.array([1.0]), name, inputs)
     contacts = run.events[np.char.endswith(run.events["kind"], "contact")]
     assert [impact["time"] for impact in impacts] == contacts["time"].tolist()
     assert [impact["side"] for impact in impacts] == [kind.partition("_")[0] for kind in contacts["kind"].tolist()]
@@ -76,23 +74,23 @@ def test_the_impacts_are_those_of_the_run_and_around_each_the_motion_is_exact(na
     around = np.unique(np.concatenate([
         np.linspace(impact["time"] - 2e-5, impact["end"] + 2e-5, 40) for impact in impacts]))
     around = around[(around >= 0.0) & (around <= 1.0)]
-    assert_is_run(motion, run_of(around, name, told))
+    assert_is_run(motion, run_of(around, name, inputs))
 
 
 def test_a_reset_begins_another_motion(tmp_path):
-    told = {0: {"motor_speed": 80.0}, 100: "reset", 101: {"motor_speed": 120.0}, 200: "reset"}
-    motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
+    inputs = {0: {"motor_speed": 80.0}, 100: "reset", 101: {"motor_speed": 120.0}, 200: "reset"}
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, inputs, RATE))
     assert motion.header["exact"] and motion.header["resets"] == [101 / RATE, 201 / RATE]
     for begin, end, speed in ((0, 100, 80.0), (101, 200, 120.0)):
-        expected = run_of(offset_times(0.0, (end - begin) / RATE, 5000), told={0: {"motor_speed": speed}})
+        expected = run_of(offset_times(0.0, (end - begin) / RATE, 5000), inputs={0: {"motor_speed": speed}})
         assert_is_run(motion, expected, begin / RATE)
     assert np.isnan(motion.at(np.array([100.5 / RATE]))["body_position"]).all()
 
 
 def test_changed_parameters_a_command_timeout_and_refused_commands_are_exact(tmp_path):
-    told = {0: {"motor_speed": 90.0}, 60: 'set {"ground.friction": 0.05, "motor.acceleration": 50.0}',
+    inputs = {0: {"motor_speed": 90.0}, 60: 'set {"ground.friction": 0.05, "motor.acceleration": 50.0}',
             80: {"motor_speed": 130.0}, 120: {"motor_speed": 1e9}, 150: "timeout", 160: "pause", 170: "nonsense"}
-    motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, inputs, RATE))
     assert motion.header["exact"]
     assert_is_run(motion, run_with(
         259, (0, "command", {"motor_speed": 90.0}),
@@ -102,14 +100,14 @@ def test_changed_parameters_a_command_timeout_and_refused_commands_are_exact(tmp
 
 def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
     """The third push replaces the second, and a duration of 0 ends it."""
-    told = {0: {"motor_speed": 90.0}, 60: 'push {"duration": 0.103, "force_x": 20.0, "force_z": -3.0}',
+    inputs = {0: {"motor_speed": 90.0}, 60: 'push {"duration": 0.103, "force_x": 20.0, "force_z": -3.0}',
             110: 'push {"duration": 9.0, "force_x": -8.0, "force_z": 0.0}',
             120: 'push {"duration": 9.0, "force_x": 0.0, "force_z": 2.0}',
             130: 'push {"duration": 0.0, "force_x": 0.0, "force_z": 0.0}',
             150: 'fault {"fault": "plate_stuck", "of": "upper", "value": 0.0, "duration": 0.2, '
                  '"from_x": 0.0, "to_x": 0.0}',
             155: {"upper_gap": 0.001}, 210: 'state {"body_velocity": 0.3}', 220: 'push {"duration": NaN}'}
-    motion, setting = read(robot_bag(tmp_path / "bag", "device", 241, told, RATE))
+    motion, setting = read(robot_bag(tmp_path / "bag", "device", 241, inputs, RATE))
     assert (motion.header["exact"], setting["notes"]) == (True, [])
     assert motion.header["pushes"] == [
         {"begin": begin, "end": end, "force_x": along, "force_z": up} for begin, end, along, up in (
@@ -122,9 +120,7 @@ def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
 
 
 def test_a_late_recording_of_a_dc_motor_has_its_current_and_no_voltage(tmp_path):
-    """A recording that begins late without a checkpoint is interpolated, because no sample contains the controller's
-    integral.
-    """
+    """It is interpolated, because without a checkpoint the controller's integral is unknown."""
     whole = robot_bag(tmp_path / "whole", "machine", 121, COMMANDS, RATE)
     motion, _ = read(rewritten(whole, tmp_path / "late", without_earlier(20 / RATE)))
     assert motion.header["exact_spans"] == [] and "interpolated" in motion.header["why"]

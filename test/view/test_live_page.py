@@ -1,5 +1,4 @@
-"""Robot, view and browser together: the page shows what the robot publishes, and the page's requests are carried out.
-"""
+"""Robot, view and browser together: the page shows what the robot publishes, and the robot obeys the page."""
 
 import contextlib
 import time
@@ -27,19 +26,19 @@ class Published:
     def __init__(self, bench):
         self.samples: dict[int, dict[str, float]] = defaultdict(dict)
         self._bench, self._newest = bench, 0  # stamp of which both messages have come
-        bench.node.create_subscription(Odometry, "odom", self._hear_body, QOS)
-        bench.node.create_subscription(JointState, "joint_states", self._hear_joints, QOS)
+        bench.node.create_subscription(Odometry, "odom", self._take_body, QOS)
+        bench.node.create_subscription(JointState, "joint_states", self._take_joints, QOS)
 
-    def hear_until(self, stamp: int) -> None:
+    def receive_until(self, stamp: int) -> None:
         """Receive until a sample later than an instant [ns] has come."""
         self._bench.spin_until(lambda: self._newest > stamp, "samples")
 
-    def _hear_body(self, message: Odometry) -> None:
+    def _take_body(self, message: Odometry) -> None:
         position, velocity = message.pose.pose.position, message.twist.twist.linear
         self._take(message, {"body_position": position.x, "body_height": position.z,
                              "body_velocity": velocity.x, "body_vertical_velocity": velocity.z})
 
-    def _hear_joints(self, message: JointState) -> None:
+    def _take_joints(self, message: JointState) -> None:
         joints = zip(message.name, message.position, message.velocity, message.effort, strict=True)
         self._take(message, {field: value for name, *values in joints
                              for field, value in zip(JOINTS[name], values, strict=True)})
@@ -65,12 +64,12 @@ def open_robot(page, view) -> None:
 def test_the_page_of_a_running_robot(start, published, view, open_page, bench):
     """The robot is changed only by a pause and a command at the end, so one robot serves all checks."""
     start("robot", *CRAWL)
-    published.hear_until(0)  # from here on every sample is heard
+    published.receive_until(0)  # every later sample is received
     page = open_page()
     for _ in range(9):  # one more than may be open at once: a page that is left makes room
         open_robot(page, view)
     shows_what_was_published(page, view, published)
-    shows_words_of_strangers_as_text(page, bench)
+    shows_texts_of_other_programs_as_text(page, bench)
     shows_slow_motion_of_the_last_second(page)
     pages = [page, open_page(), open_page()]
     for page in pages[1:]:
@@ -86,11 +85,11 @@ def test_the_page_of_a_running_robot(start, published, view, open_page, bench):
 
 
 def shows_what_was_published(page, view, published) -> None:
-    with view.address.visit() as visit:
-        origin = int(visit.wait_for("robot")["origin"])
-    frames = drawn_frames(page, 120)  # of the browser; the view hears the robot 30 times a second
+    with view.address.web_socket() as web_socket:
+        origin = int(web_socket.wait_for("robot")["origin"])
+    frames = drawn_frames(page, 120)  # of the browser; the view reads the robot 30 times a second
     assert len({frame["time"] for frame in frames}) >= 20
-    published.hear_until(origin + round(frames[-1]["time"] * 1e9))
+    published.receive_until(origin + round(frames[-1]["time"] * 1e9))
     for frame in frames:
         sample = published.samples[origin + round(frame["time"] * 1e9)]
         assert {name: frame["quantities"][name] for name in sample} == sample  # bit for bit
@@ -99,7 +98,7 @@ def shows_what_was_published(page, view, published) -> None:
     assert 0.0 <= float(page.inner_text("#dropped").replace("%", "")) <= 100.0
 
 
-def shows_words_of_strangers_as_text(page, bench) -> None:
+def shows_texts_of_other_programs_as_text(page, bench) -> None:
     (publisher,) = bench.publishers({"/rosout": Log}).values()
     evil = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>\u2028"
     deadline = time.monotonic() + 30.0
@@ -130,16 +129,16 @@ def shows_slow_motion_of_the_last_second(page) -> None:
 def test_the_robot_does_what_a_page_requests_and_the_page_shows_the_commands_in_force(start, view, open_page, bench,
                                                                                   tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
-    heard: list[float] = []
-    bench.node.create_subscription(Float64, "motor_speed", lambda message: heard.append(message.data), 10)
+    received: list[float] = []
+    bench.node.create_subscription(Float64, "motor_speed", lambda message: received.append(message.data), 10)
     page = open_page()
     open_robot(page, view)
-    speed = commanded_speed(page, bench, heard)
+    speed = commanded_speed(page, bench, received)
     enter(page, "upper_gap", "0,5", key="Tab")  # a German keyboard's decimal sign; typed in mm, sent in m
     until(page, lambda page: abs(drawn(page)["quantities"]["upper_plate_position"] - 0.0605) < 1e-12, "the gap")
     enter(page, "motor_speed", "1e6")
     robot.wait_for("1e+06")
-    bench.spin_until(lambda: heard[-1] == 1e6, "what was refused")
+    bench.spin_until(lambda: received[-1] == 1e6, "what was refused")
     assert drawn(page)["quantities"]["motor_speed"] == speed
     assert "1000000 is refused; the robot takes -500 to 500" in page.inner_text("#motor_speed_words")
     until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
@@ -149,12 +148,12 @@ def test_the_robot_does_what_a_page_requests_and_the_page_shows_the_commands_in_
     assert "“4.5.0” is no number" in page.inner_text("#motor_speed_words")
     until(page, lambda page: page.inner_text("#motor_speed_words") == "", "enough time to read it")
     assert shown(page, "motor_speed") == [speed] * 3  # what is in force
-    assert heard[-1] == 1e6  # nothing was sent
+    assert received[-1] == 1e6  # nothing was sent
     follows_what_is_in_force(page, bench)
     sets_another_floor(page, view)
     keeps_the_last_line_in_view(page)
     saves_samples(page, tmp_path)
-    stops_the_motor_that_a_page_has_commanded(page, view, bench, heard)
+    stops_the_motor_that_a_page_has_commanded(page, view, bench, received)
 
 
 def shown(page, name: str) -> list[float]:
@@ -181,8 +180,8 @@ def follows_what_is_in_force(page, bench) -> None:
 
 def sets_another_floor(page, view) -> None:
     enter(page, "ground_friction", "0,35")
-    with view.address.visit() as visit:
-        while visit.wait_for("robot")["machine"]["knobs"][-1]["value"] != 0.35:
+    with view.address.web_socket() as web_socket:
+        while web_socket.wait_for("robot")["machine"]["knobs"][-1]["value"] != 0.35:
             pass
     enter(page, "ground_friction", "-1")
     until(page, lambda page: "-1 is refused" in page.inner_text("#ground_friction_words"), "the refusal")
@@ -222,7 +221,7 @@ def saved(page, button: str, path):
     return path
 
 
-def stops_the_motor_that_a_page_has_commanded(page, view, bench, heard) -> None:
+def stops_the_motor_that_a_page_has_commanded(page, view, bench, received) -> None:
     enter(page, "motor_speed", "70")
     until(page, lambda page: shown(page, "motor_speed") == [70.0] * 3, "the motor turns")
     page.click("#stop")
@@ -230,20 +229,20 @@ def stops_the_motor_that_a_page_has_commanded(page, view, bench, heard) -> None:
     enter(page, "motor_speed", "80")
     until(page, lambda page: shown(page, "motor_speed") == [80.0] * 3, "the motor turns")
     page.close()
-    bench.spin_until(lambda: heard[-1] == 0.0, "the motor's stop")
+    bench.spin_until(lambda: received[-1] == 0.0, "the motor's stop")
     view.executable.wait_for("the motor was commanded from one; sent motor_speed 0")
 
 
-def commanded_speed(page, bench, heard: list[float]) -> float:
+def commanded_speed(page, bench, received: list[float]) -> float:
     """Set a speed by the knob that robot and test both receive; DDS drops messages that only one side is ready for."""
     for speed in map(float, range(50, 60)):
         enter(page, "motor_speed", f"{speed:g}")
         with contextlib.suppress(AssertionError):
-            bench.spin_until(lambda speed=speed: speed in heard, "the command", patience=5.0)
+            bench.spin_until(lambda speed=speed: speed in received, "the command", patience=5.0)
             bench.spin_until(lambda speed=speed: drawn(page)["quantities"]["motor_speed"] == speed, "the motor's speed",
                              patience=5.0)
             return speed
-    raise AssertionError(f"no command of the knob arrived; heard {heard}")
+    raise AssertionError(f"no command of the knob arrived; received {received}")
 
 
 def test_buttons_reset_pause_step_and_record(start, view, page, tmp_path):
@@ -278,8 +277,7 @@ def stands_still(page) -> bool:
     return drawn(page)["time"] == time_before
 
 
-def test_robots_that_start_later_are_shown_and_survive_a_killed_view(
-        udp_only, start, view, page, watch):
+def test_robots_that_start_later_are_shown_and_survive_a_killed_view(udp_only, start, view, page, watch):
     page.goto(view.address.url)
     until(page, lambda page: page.is_visible("#absent") and "robot" in page.inner_text("#absent"), "no robot yet")
     first = start("robot", *CRAWL)

@@ -83,7 +83,7 @@ def test_an_axis_changes_only_when_its_data_no_longer_suit_it(modules):
 
 def test_a_sample_buffer_keeps_the_newest_rows(modules):
     rows = [number for k in range(25) for number in (k * 0.1, float(k * k))]
-    kept = modules.call("samples", """
+    buffer = modules.call("samples", """
         const samples = new m.SampleBuffer(["time", "square"], 10);
         samples.push(Float64Array.from(v[0].slice(0, 31)));
         samples.push(Float64Array.from(v[0].slice(30)));
@@ -93,10 +93,10 @@ def test_a_sample_buffer_keeps_the_newest_rows(modules):
         samples.trace("square", 2, 2.4, 1e-3, (time, value) => points.push(value));
         return {count: samples.count, begin: samples.begin, end: samples.end, early: samples.row(0), values, points,
                 again: samples.push(Float64Array.from(v[0]))};""", rows)
-    assert (kept["count"], kept["early"], kept["again"]) == (10, -1, 0)
-    assert (kept["begin"], kept["end"]) == (pytest.approx(1.5), pytest.approx(2.4))
-    assert kept["values"] == {"time": pytest.approx(1.9), "square": 361}
-    assert kept["points"] == [400, 441, 484, 529, 576]
+    assert (buffer["count"], buffer["early"], buffer["again"]) == (10, -1, 0)
+    assert (buffer["begin"], buffer["end"]) == (pytest.approx(1.5), pytest.approx(2.4))
+    assert buffer["values"] == {"time": pytest.approx(1.9), "square": 361}
+    assert buffer["points"] == [400, 441, 484, 529, 576]
 
 
 def test_the_extremes_of_many_samples_in_a_pixel_are_drawn(modules):
@@ -137,8 +137,7 @@ def test_csv_has_the_last_rows_with_all_their_digits(modules):
 
 
 def test_the_mean_speed_begins_at_a_reset_and_skips_unknown_spans(modules):
-    """Six seconds at 10 mm/s, the last one with the crank turning backwards, then back at the start, then two at
-    -20 mm/s."""
+    """Six seconds at 10 mm/s, in the last one with the crank reversed; then a reset, and two at -20 mm/s."""
     times = np.arange(0.0, 8.001, 0.01)
     before_reset = times < 6.0
     rows = np.stack([times, np.where(before_reset, 0.01 * times, -0.02 * (times - 6.0)),

@@ -119,8 +119,8 @@ def test_a_live_page_can_be_read_reached_and_heard(start, view, open_page):
         page.evaluate("scrollTo(0, document.scrollingElement.scrollHeight)")
         stop = page.locator("#stop").bounding_box()
         assert 0.0 <= stop["y"] and stop["y"] + stop["height"] <= page.evaluate("innerHeight")  # wherever one reads
-    hears_what_is_there(pages[0])
-    reaches_everything_by_keyboard(pages[0])
+    check_screen_reader(pages[0])
+    check_keyboard(pages[0])
 
 
 def check_words(page) -> None:
@@ -132,9 +132,7 @@ def check_words(page) -> None:
 
 
 def check_places(page, width: int, touch: bool) -> None:
-    """Check that controls lie in the window, do not overlap, are large enough for a finger, and are beside their own
-    labels.
-    """
+    """Check that controls lie in the window, apart, large enough for a finger, and beside their own labels."""
     boxes = page.evaluate(BOXES, CONTROLS)
     assert {"motor_speed", "upper_gap", "ground_friction", "stop", "reset", "pause", "step", "record", "slow"} <= {
         box["name"] for box in boxes}
@@ -150,24 +148,26 @@ def check_places(page, width: int, touch: bool) -> None:
 
 
 def overlap(box: dict, other: dict) -> bool:
+    """Whether two boxes overlap by more than a pixel in both directions."""
     return (min(box["right"], other["right"]) - max(box["left"], other["left"]) > 1
             and min(box["bottom"], other["bottom"]) - max(box["top"], other["top"]) > 1)
 
 
-def reaches_everything_by_keyboard(page) -> None:
+def check_keyboard(page) -> None:
+    """Check that the tabulator reaches every control, and that keys command the motor and pause the robot."""
     page.evaluate("document.activeElement.blur()")
     until(page, lambda page: page.is_enabled("#pause") and page.is_enabled("#record"), "services")
-    wanted = set(page.evaluate(f"""[...document.querySelectorAll("{CONTROLS}")].filter(one => !one.disabled
+    controls = set(page.evaluate(f"""[...document.querySelectorAll("{CONTROLS}")].filter(one => !one.disabled
         && one.checkVisibility()).map(one => one.id || one.getAttribute("aria-label"))"""))
     reached = set()
-    for _ in range(3 * len(wanted)):
+    for _ in range(3 * len(controls)):
         page.keyboard.press("Tab")
         name, outline = page.evaluate("""[document.activeElement].map(one =>
             [one.id || one.getAttribute("aria-label"), getComputedStyle(one).outlineStyle])[0]""")
-        if name in wanted:
+        if name in controls:
             assert outline != "none", name  # the focus can be seen
         reached.add(name)
-    assert wanted <= reached
+    assert controls <= reached
     page.focus("#motor_speed")
     page.keyboard.press("Control+a")
     page.keyboard.type("60")
@@ -183,14 +183,15 @@ def reaches_everything_by_keyboard(page) -> None:
     until(page, lambda page: page.inner_text("#pause") == "Resume", "paused")
 
 
-def hears_what_is_there(page) -> None:
+def check_screen_reader(page) -> None:
+    """Check that controls have names for a screen reader, that messages are announced, and that numbers change."""
     nodes = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")["nodes"]
-    heard = [(node["role"]["value"], node.get("name", {}).get("value", ""))
+    received = [(node["role"]["value"], node.get("name", {}).get("value", ""))
              for node in nodes if not node["ignored"]]
-    for role, name in heard:
+    for role, name in received:
         if role in ("button", "slider", "textbox", "checkbox", "combobox", "image"):
-            assert name.strip(), (role, heard)
-    roles = [role for role, _ in heard]
+            assert name.strip(), (role, received)
+    roles = [role for role, _ in received]
     assert {"heading", "main", "log", "image", "textbox", "slider", "button", "checkbox"} <= set(roles)
     assert page.get_attribute("html", "lang") == "en"
     assert page.get_attribute("#said", "aria-live") == "polite"

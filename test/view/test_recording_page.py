@@ -202,13 +202,13 @@ def test_a_damaged_page_shows_an_error(page, file, watch, tmp_path):
 
 @pytest.mark.parametrize("opens", [True, False])
 def test_a_recordings_page_is_opened_on_request(bag, monkeypatch, capsys, tmp_path, opens):
-    asked = []
-    monkeypatch.setattr(view.webbrowser, "open", lambda address: asked.append(address) or opens)
+    opened = []
+    monkeypatch.setattr(view.webbrowser, "open", lambda address: opened.append(address) or opens)
     page = tmp_path / "page.html"
     assert view.main([str(bag), "--output", str(page), "--open"]) == 0
-    said = capsys.readouterr()
-    assert asked == [page.as_uri()] and said.out == f"{page}\n"
-    assert said.err == ("" if opens else "view: no browser could be opened; open the file above\n")
+    output = capsys.readouterr()
+    assert opened == [page.as_uri()] and output.out == f"{page}\n"
+    assert output.err == ("" if opens else "view: no browser could be opened; open the file above\n")
 
 
 def test_other_files_and_the_recording_are_not_overwritten(bag, tmp_path, capsys):
@@ -219,6 +219,7 @@ def test_other_files_and_the_recording_are_not_overwritten(bag, tmp_path, capsys
                             ([str(bag), "--output", str(tmp_path / "none" / "page.html")], "cannot write"),
                             ([str(tmp_path / "nothing")], "no such folder"), (["--output", "x"], "BAG_FOLDER")):
         assert view.main(words) == BAD_INPUT
-        said = capsys.readouterr()
-        assert said.out == "" and said.err.startswith("view: ") and said.err.count("\n") == 1 and expected in said.err
+        output = capsys.readouterr()
+        assert output.out == "" and output.err.startswith("view: ") and output.err.count("\n") == 1
+        assert expected in output.err
     assert other.read_text() == "<p>Dear Mum"

@@ -19,7 +19,7 @@ from vibro_lab.identification.recording import Channel, Recording, read_recordin
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.study.identification_page import identification_page
 from vibro_ros.bag.stream import BagError
-from vibro_ros.simulation.runs import core_count, in_processes
+from vibro_ros.simulation.workers import core_count, in_processes
 
 DAMPED = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 100.0})
 TICK = math.tau / 4096

@@ -161,7 +161,7 @@ class RobotRun:
         self.device, self.publishers, self.recording = device, publishers, recording
         self.robot_time = RobotTime(settings["rate.publish"])
         self.pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
-        self.commands = CommandSubscriptions(node, device.scene)  # commands are heard from now on
+        self.commands = CommandSubscriptions(node, device.scene)  # commands are received from now on
         self.lock = threading.Condition()  # notified when something has changed for a stepping thread that waits
         self.state: RunState | Steps = RunState.PAUSED if settings["rate.start_paused"] else RunState.RUNNING
         self.error: Exception | None = None  # the error that ended the run

@@ -1,9 +1,9 @@
-"""The server gives nothing to visitors other than its own page, and a rude visitor does not affect the others."""
+"""The server serves nothing but its own page, and a hostile client does not affect the others."""
 
 import socket
 import time
 
-from visitor import BINARY, TEXT, Visit, read_answer
+from web_client import BINARY, TEXT, WebSocket, read_answer
 
 SECRET = "secret-of-the-machine"
 MOST_PAGES = 8
@@ -17,7 +17,7 @@ BAD_REQUESTS = [
     b'{"id": 1, "command": {"a": 1}, "value": 1}', b'{"id": 1, "slow_motion": 1e9}',
     b'{"id": 1e400, "call": "reset"}', b'{"id": 1, "call": "reset", "call": "pause", "__proto__": 1}',
 ]
-NO_REQUESTS = {
+HOSTILE_BYTES = {
     "tls": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(500),
     "headers": b"GET / HTTP/1.1\r\n" + b"x: y\r\n" * 100_000,
     "url": b"GET /" + b"a" * 1_000_000 + b" HTTP/1.1\r\n\r\n",
@@ -26,44 +26,44 @@ NO_REQUESTS = {
     "negative": b"POST / HTTP/1.1\r\nhost: 127.0.0.1\r\ncontent-length: -1\r\n\r\n",
     "chunk": b"POST / HTTP/1.1\r\nhost: 127.0.0.1\r\ntransfer-encoding: chunked\r\n\r\nffffffffffffffff\r\n",
 }
-RUDE_FRAMES = {
-    "long": lambda visit: visit.send(b'{"id": 1, "call": "' + b"x" * 100_000 + b'"}'),
-    "says it is huge": lambda visit: visit.send_frame(0x81, 1 << 62, b""),
-    "pieces without end": lambda visit: [visit.send_frame(0x00 if part else 0x01, 1000, b"x" * 1000)
+HOSTILE_FRAMES = {
+    "long": lambda web_socket: web_socket.send(b'{"id": 1, "call": "' + b"x" * 100_000 + b'"}'),
+    "says it is huge": lambda web_socket: web_socket.send_frame(0x81, 1 << 62, b""),
+    "pieces without end": lambda web_socket: [web_socket.send_frame(0x00 if part else 0x01, 1000, b"x" * 1000)
                                          for part in range(1000)],
-    "no text": lambda visit: visit.send(b"\xff\xfe"),
-    "opcode": lambda visit: visit.send_frame(0x8F, 0, b""),
-    "reserved bits": lambda visit: visit.send_frame(0xF1, 2, b"{}"),
-    "ping": lambda visit: visit.send_frame(0x89, 2000, bytes(2000)),
-    "close": lambda visit: visit.send_frame(0x88, 1, b"\x00"),
+    "no text": lambda web_socket: web_socket.send(b"\xff\xfe"),
+    "opcode": lambda web_socket: web_socket.send_frame(0x8F, 0, b""),
+    "reserved bits": lambda web_socket: web_socket.send_frame(0xF1, 2, b"{}"),
+    "ping": lambda web_socket: web_socket.send_frame(0x89, 2000, bytes(2000)),
+    "close": lambda web_socket: web_socket.send_frame(0x88, 1, b"\x00"),
 }
 
 
 def is_served(view) -> bool:
-    """Whether page and web socket still serve permitted visitors."""
-    visit = view.address.visit()
-    assert isinstance(visit, Visit), visit
-    with visit:
-        assert visit.receive()[0] == TEXT
+    """Return whether page and web socket still serve permitted clients."""
+    web_socket = view.address.web_socket()
+    assert isinstance(web_socket, WebSocket), web_socket
+    with web_socket:
+        assert web_socket.receive()[0] == TEXT
     return view.address.ask().status == 200
 
 
 def test_a_view_survives_every_hostile_client(view, tmp_path):
-    """One process meets all rude visitors in turn; none of them may affect the next."""
-    the_page_is_for_who_knows_the_token(view)
-    the_page_tells_the_browser_to_trust_nobody_else(view)
-    another_name_for_this_machine_gets_nothing(view)
-    commands_are_taken_from_its_own_page_only(view)
-    no_path_of_the_machine_is_served(view, tmp_path)
-    other_methods_do_nothing(view)
+    """One view meets all hostile clients in turn; none of them may affect the next."""
+    the_page_needs_the_token(view)
+    the_page_has_a_strict_policy(view)
+    requests_under_another_host_name_are_refused(view)
+    web_sockets_of_other_origins_are_refused(view)
+    no_file_of_the_machine_is_served(view, tmp_path)
+    other_methods_are_refused(view)
     bytes_that_are_no_request_are_refused(view)
-    requests_that_are_none_are_answered_in_one_line(view)
-    frames_beyond_the_limits_end_their_own_connection_only(view)
-    one_page_too_many_is_told_so_and_the_next_one_has_room(view)
-    connections_that_say_nothing_keep_nobody_out(view)
+    invalid_requests_are_refused_in_one_line(view)
+    hostile_frames_end_only_their_own_connection(view)
+    a_ninth_page_is_refused_until_another_closes(view)
+    idle_connections_keep_nobody_out(view)
 
 
-def the_page_is_for_who_knows_the_token(view) -> None:
+def the_page_needs_the_token(view) -> None:
     page = view.address.ask()
     assert page.status == 200 and b"<canvas" in page.body
     for target in ("/", "/?token=", "/?token=wrong", f"/?token={view.address.token[:-1]}",
@@ -74,7 +74,7 @@ def the_page_is_for_who_knows_the_token(view) -> None:
         assert b"<" not in refused.body and view.address.token.encode() not in refused.body
 
 
-def the_page_tells_the_browser_to_trust_nobody_else(view) -> None:
+def the_page_has_a_strict_policy(view) -> None:
     headers = view.address.ask().headers
     policy = headers["content-security-policy"]
     assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
@@ -86,30 +86,30 @@ def the_page_tells_the_browser_to_trust_nobody_else(view) -> None:
     assert policy != view.address.ask().headers["content-security-policy"]  # a nonce is for once
 
 
-def another_name_for_this_machine_gets_nothing(view) -> None:
+def requests_under_another_host_name_are_refused(view) -> None:
     """DNS rebinding: a victim's browser sends requests to 127.0.0.1 under the name of the attacker's site."""
     port = view.address.port
     for host in (f"evil.example:{port}", f"192.168.1.7:{port}"):  # `test_server` has more
         assert view.address.ask(host=host).status in (400, 404), host
-        visit = view.address.visit(host=host, origin=f"http://{host}")
-        assert not isinstance(visit, Visit) and visit.status in (400, 404), host
+        web_socket = view.address.web_socket(host=host, origin=f"http://{host}")
+        assert not isinstance(web_socket, WebSocket) and web_socket.status in (400, 404), host
     assert view.address.ask(host="").status == 400
     assert view.address.ask(host=f"localhost:{port}").status == 200
 
 
-def commands_are_taken_from_its_own_page_only(view) -> None:
+def web_sockets_of_other_origins_are_refused(view) -> None:
     port = view.address.port
     for origin in ("null", f"http://evil.example:{port}", f"http://127.0.0.1:{port + 1}", f"http://localhost:{port}",
                    f"http://x@127.0.0.1:{port}", "file://", "http://[::1"):
-        visit = view.address.visit(origin=origin)
-        assert not isinstance(visit, Visit) and visit.status == 403, origin
+        web_socket = view.address.web_socket(origin=origin)
+        assert not isinstance(web_socket, WebSocket) and web_socket.status == 403, origin
     for target in ("/live", "/live?token=wrong", "/live?token="):
-        visit = view.address.visit(target)
-        assert not isinstance(visit, Visit) and visit.status == 403, target
+        web_socket = view.address.web_socket(target)
+        assert not isinstance(web_socket, WebSocket) and web_socket.status == 403, target
     assert is_served(view)
 
 
-def no_path_of_the_machine_is_served(view, tmp_path) -> None:
+def no_file_of_the_machine_is_served(view, tmp_path) -> None:
     (tmp_path / "own.txt").write_text(SECRET)  # in the folder in which the view runs
     token = view.address.token
     for path in ("/own.txt", f"/..{tmp_path}/own.txt", f"//{tmp_path}/own.txt", f"/%2e%2e/%2e%2e{tmp_path}/own.txt",
@@ -120,7 +120,7 @@ def no_path_of_the_machine_is_served(view, tmp_path) -> None:
             assert SECRET.encode() not in answer.body and str(tmp_path).encode() not in answer.body
 
 
-def other_methods_do_nothing(view) -> None:
+def other_methods_are_refused(view) -> None:
     for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT", "BREW"):
         answer = view.address.ask(method=method, body=b"x=1" if method == "POST" else b"")
         assert 400 <= answer.status < 500, method
@@ -130,7 +130,7 @@ def other_methods_do_nothing(view) -> None:
 
 def bytes_that_are_no_request_are_refused(view) -> None:
     memory_before = view.memory
-    for name, data in NO_REQUESTS.items():
+    for name, data in HOSTILE_BYTES.items():
         with view.address.connect() as connection:
             try:
                 connection.sendall(data)
@@ -142,25 +142,25 @@ def bytes_that_are_no_request_are_refused(view) -> None:
     assert view.memory - memory_before < 30.0  # MB
 
 
-def requests_that_are_none_are_answered_in_one_line(view) -> None:
-    with view.address.visit() as visit:
+def invalid_requests_are_refused_in_one_line(view) -> None:
+    with view.address.web_socket() as web_socket:
         for request in BAD_REQUESTS:
-            visit.send(request)
-            answer = visit.wait_for("answer")
+            web_socket.send(request)
+            answer = web_socket.wait_for("answer")
             assert answer["done"] is False
             assert answer["words"] and "\n" not in answer["words"] and len(answer["words"]) < 400, request
-        visit.send(b'{"id": 1, "call": "reset"}', BINARY)
-        assert visit.wait_for("answer")["done"] is False
+        web_socket.send(b'{"id": 1, "call": "reset"}', BINARY)
+        assert web_socket.wait_for("answer")["done"] is False
     assert is_served(view)
 
 
-def frames_beyond_the_limits_end_their_own_connection_only(view) -> None:
+def hostile_frames_end_only_their_own_connection(view) -> None:
     memory_before = view.memory
-    for name, rude in RUDE_FRAMES.items():
-        with view.address.visit() as other, view.address.visit() as visit:
+    for name, send_hostile_frame in HOSTILE_FRAMES.items():
+        with view.address.web_socket() as other, view.address.web_socket() as web_socket:
             try:
-                rude(visit)
-                visit.wait_for_end()
+                send_hostile_frame(web_socket)
+                web_socket.wait_for_end()
             except ConnectionError:
                 pass
             other.send({"id": 7, "call": "nothing"})
@@ -169,35 +169,35 @@ def frames_beyond_the_limits_end_their_own_connection_only(view) -> None:
     assert view.memory - memory_before < 30.0  # MB
 
 
-def one_page_too_many_is_told_so_and_the_next_one_has_room(view) -> None:
-    visits = [view.address.visit() for _ in range(MOST_PAGES)]
+def a_ninth_page_is_refused_until_another_closes(view) -> None:
+    web_sockets = [view.address.web_socket() for _ in range(MOST_PAGES)]
     try:
-        for visit in visits:
-            visit.receive()
-        ninth = view.address.visit()
-        if isinstance(ninth, Visit):
+        for web_socket in web_sockets:
+            web_socket.receive()
+        ninth = view.address.web_socket()
+        if isinstance(ninth, WebSocket):
             with ninth:
                 assert ninth.wait_for_end() == 1013
         else:
             assert ninth.status == 503
-        visits.pop().__exit__()
+        web_sockets.pop().__exit__()
         deadline = time.monotonic() + 30.0
         while not has_room(view):
             assert time.monotonic() < deadline
     finally:
-        for visit in visits:
-            visit.__exit__()
+        for web_socket in web_sockets:
+            web_socket.__exit__()
 
 
 def has_room(view) -> bool:
-    with view.address.visit() as visit:
-        return visit.receive() is not None
+    with view.address.web_socket() as web_socket:
+        return web_socket.receive() is not None
 
 
-def connections_that_say_nothing_keep_nobody_out(view) -> None:
+def idle_connections_keep_nobody_out(view) -> None:
     silent = []
     try:
-        with view.address.visit() as visit:
+        with view.address.web_socket() as web_socket:
             for number in range(300):
                 silent.append(view.address.connect())
                 if number % 2:
@@ -206,8 +206,8 @@ def connections_that_say_nothing_keep_nobody_out(view) -> None:
                     except ConnectionError:
                         pass
             assert view.address.ask().status == 200
-            visit.send({"id": 7, "call": "nothing"})  # a page that is open stays open
-            assert visit.wait_for("answer", id=7)["done"] is False
+            web_socket.send({"id": 7, "call": "nothing"})  # a page that is open stays open
+            assert web_socket.wait_for("answer", id=7)["done"] is False
     finally:
         for connection in silent:
             connection.close()
@@ -217,24 +217,24 @@ def connections_that_say_nothing_keep_nobody_out(view) -> None:
 def test_a_page_that_does_not_read_costs_the_others_nothing(start, view):
     start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", "motor.speed:=100.0",
           "-p", "record.enabled:=false")
-    with view.address.visit() as reading:
+    with view.address.web_socket() as reading:
         reading.wait_for("robot", patience=60.0)
-        samples_heard(reading, 3000)
-        with view.address.visit(receive_buffer=4096):
+        received_samples(reading, 3000)
+        with view.address.web_socket(receive_buffer=4096):
             memory_before = view.memory
-            assert samples_heard(reading, 5000) >= 5000
+            assert received_samples(reading, 5000) >= 5000
             # What is not read of 5 s is 2 MB, as lists of numbers ten times that.
             assert view.memory - memory_before < 8.0  # MB
     assert is_served(view)
 
 
-def samples_heard(visit: Visit, count: int) -> int:
+def received_samples(web_socket: WebSocket, count: int) -> int:
     """Receive until so many samples have come, and return their number."""
-    heard = 0
-    while heard < count:
-        frame = visit.receive()
+    received = 0
+    while received < count:
+        frame = web_socket.receive()
         assert frame is not None
         if frame[0] == BINARY:
             assert int.from_bytes(frame[1][:4], "little") == 1
-            heard += int.from_bytes(frame[1][4:8], "little")
-    return heard
+            received += int.from_bytes(frame[1][4:8], "little")
+    return received

@@ -1,4 +1,4 @@
-"""Visitors of the view's server that speak HTTP and WebSocket by hand, so that they can break the rules of both."""
+"""A client of the view's server that speaks HTTP and WebSocket by hand, so that it can break the rules of both."""
 
 import base64
 import json
@@ -25,7 +25,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Address:
-    """The address that the view prints, with methods for visitors."""
+    """The address that the view prints, with methods for clients."""
 
     url: str
 
@@ -56,14 +56,14 @@ class Address:
             connection.sendall(self._request(target, method, headers, body))
             return read_answer(connection)
 
-    def visit(self, target: str | None = None, receive_buffer: int = 0, **headers: str) -> "Visit | Answer":
+    def web_socket(self, target: str | None = None, receive_buffer: int = 0, **headers: str) -> "WebSocket | Answer":
         """Open the web socket, by default as the page does; returns the server's answer if it refuses."""
         connection = self.connect(receive_buffer)
         try:
-            wanted = {"origin": f"http://{self.host}", "upgrade": "websocket", "connection": "Upgrade",
-                      "sec-websocket-version": "13", "sec-websocket-key": base64.b64encode(os.urandom(16)).decode()}
+            defaults = {"origin": f"http://{self.host}", "upgrade": "websocket", "connection": "Upgrade",
+                        "sec-websocket-version": "13", "sec-websocket-key": base64.b64encode(os.urandom(16)).decode()}
             target = f"/live?token={self.token}" if target is None else target
-            connection.sendall(self._request(target, "GET", wanted | headers, b""))
+            connection.sendall(self._request(target, "GET", defaults | headers, b""))
             answer = read_answer(connection)
         except BaseException:
             connection.close()
@@ -71,7 +71,7 @@ class Address:
         if answer.status != 101:
             connection.close()
             return answer
-        return Visit(connection, answer.body)
+        return WebSocket(connection, answer.body)
 
     def _request(self, target: str, method: str, headers: Mapping[str, str], body: bytes) -> bytes:
         fields = {"host": self.host} | {name.replace("_", "-"): value for name, value in headers.items()}
@@ -111,14 +111,14 @@ def read_answer(connection: socket.socket) -> Answer:
     return Answer(status, headers, body)
 
 
-class Visit:
+class WebSocket:
     """An open web socket; a context manager that closes it."""
 
     def __init__(self, connection: socket.socket, data: bytes):
         self._socket, self._data = connection, data
         self.closed_with: int | None = None
 
-    def __enter__(self) -> "Visit":
+    def __enter__(self) -> "WebSocket":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -129,9 +129,9 @@ class Visit:
         with suppress(OSError):  # it has ended already
             self._socket.shutdown(socket.SHUT_RDWR)
 
-    def send(self, what: object, opcode: int = TEXT) -> None:
+    def send(self, content: object, opcode: int = TEXT) -> None:
         """Send a frame: bytes as they are, all else as JSON."""
-        data = what if isinstance(what, bytes) else json.dumps(what).encode()
+        data = content if isinstance(content, bytes) else json.dumps(content).encode()
         self.send_frame(0x80 | opcode, len(data), data)
 
     def send_frame(self, first: int, length: int, data: bytes) -> None:
@@ -142,8 +142,7 @@ class Visit:
         self._socket.sendall(bytes([first]) + size + bytes(4) + data)
 
     def receive(self, patience: float = PATIENCE) -> tuple[int, bytes] | None:
-        """Return the next frame of text or bytes, or None once the server has closed; then `closed_with` has its code.
-        """
+        """Return the next frame of text or bytes, or None once the server has closed, with the code `closed_with`."""
         deadline = time.monotonic() + patience
         while True:
             opcode, data = self._frame(deadline)
