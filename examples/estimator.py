@@ -26,12 +26,12 @@ def features(measurements):
     return np.outer(values, values)[np.triu_indices(len(values))]
 
 
-def windows(seed, count=16):
-    """Windows of a run at random motor speeds: features, shape (n, 36), integral of the force, and true speed [m/s]."""
+def windows(seed):
+    """Windows of a run at 16 random motor speeds: features, shape (16, 36), integral of the force, and speed [m/s]."""
     random = np.random.default_rng(seed)
     scene = vibro_ros.load_scene("device").with_parameters({**SENSORS, "sensors.seed": float(seed)})
     device, rows = vibro_ros.SensedSimulator(scene), []
-    for _ in range(count):
+    for _ in range(16):
         device.command(motor_speed=random.uniform(40.0, 150.0))
         device.advance_to(device.time + 1.5)  # until the motion is steady
         device.take_measurements()

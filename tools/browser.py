@@ -36,7 +36,7 @@ START_PATIENCE = 60.0
 END_PATIENCE = 5.0
 """Longest time [s] for a browser to end before it is killed."""
 DRAW_PATIENCE = 120.0
-"""Longest time [s] for the page to draw a picture's content; the robot may have to compile its kernels first."""
+"""Longest time [s] for the page to draw a picture's content."""
 CHARTS_FULL = 7.0
 """Simulated time [s] from which the strip charts are filled."""
 BLOWS = 12
@@ -75,13 +75,7 @@ def browser_program() -> str:
 
 @contextmanager
 def running(program: str) -> Iterator[str]:
-    """Start a browser, yield the address by which it is controlled, and end it with all its children.
-
-    Raises
-    ------
-    NoBrowserError
-        When it does not start.
-    """
+    """Start a browser (or NoBrowserError), yield the address by which it is controlled, and end it."""
     with tempfile.TemporaryDirectory(prefix="vibro_ros_browser_", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         environment = {**os.environ, **dict.fromkeys(
@@ -154,13 +148,7 @@ class Session(AbstractContextManager):
 
 @contextmanager
 def shown_robot() -> Iterator[str]:
-    """Run a crawling robot and its view until the block ends; yields the address of the page.
-
-    Raises
-    ------
-    RuntimeError
-        When the view does not start.
-    """
+    """Run a crawling robot and its view until the block ends (RuntimeError); yields the address of the page."""
     environment = ros_environment()
     with tempfile.TemporaryDirectory() as folder, \
             Child("vibro_ros.ros.live.view", "--port", "0", environment=environment, shown=False) as view:
@@ -174,12 +162,9 @@ def shown_robot() -> Iterator[str]:
 
 
 def wait_for(page: "Page", condition: str) -> None:
-    """Wait until a JavaScript `condition` holds; the page's security policy forbids Playwright's own function.
+    """Wait until a JavaScript `condition` holds, for `DRAW_PATIENCE` at most (else RuntimeError).
 
-    Raises
-    ------
-    RuntimeError
-        When that takes longer than `DRAW_PATIENCE`.
+    The page's security policy forbids Playwright's own function.
     """
     deadline = time.monotonic() + DRAW_PATIENCE
     while not page.evaluate(condition):

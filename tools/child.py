@@ -42,13 +42,7 @@ class Child:
         return self._process.pid
 
     def wait_for(self, words: str) -> str:
-        """Wait for the first line of output that contains `words`, and return it.
-
-        Raises
-        ------
-        RuntimeError
-            When the process ends before; the message contains its output.
-        """
+        """Return the first line of output that contains `words`; RuntimeError with the output if the process ends."""
         while True:
             over = not self._reader.is_alive()
             if line := next((line for line in list(self._lines) if words in line), ""):

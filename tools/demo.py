@@ -31,8 +31,6 @@ TIMEOUT = "command.timeout:=1.0"
 """Parameter by which the motor stops after so many seconds without commands, even if only the robot is left running."""
 ALWAYS_THERE = ("odom", "joint_states", "ground_contact", "impacts", "motor_power", "motor_speed")
 """Topics that have messages after every script that makes the robot move."""
-
-
 LOOK_SPEED = 60.0
 """Motor speed [rad/s] of `make view`: the robot crawls at once, and the user can still increase the speed."""
 
@@ -91,7 +89,7 @@ def _play(script: str, output: Path, environment: Mapping[str, str], space: str,
     """Run both processes in the namespace `space` until the script ends or `stop`, and end both."""
     record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, because a folder named 2026 would be a number
     robot_words = ("vibro_ros.ros.robot.robot", "--ros-args", "-r", f"__ns:={space}", "-p", record_to, "-p", TIMEOUT)
-    controller_words = ("vibro_ros.ros.controller.controller", script,  # it waits for the robot, which may compile
+    controller_words = ("vibro_ros.ros.controller.controller", script,  # it waits for the robot
                         "--ros-args", "-r", f"__ns:={space}")
     with (
         Child(*robot_words, environment=environment) as robot,
@@ -141,13 +139,7 @@ def _look(words: Sequence[str]) -> int:
 
 
 def check_bag(bag: Bag) -> None:
-    """Refuse a recording that does not show a robot in motion.
-
-    Raises
-    ------
-    DemoError
-        When a topic is missing or empty, or the body stayed within `MOVED` of its start.
-    """
+    """Refuse a recording in which a topic is missing or empty, or the body stayed within `MOVED` of its start."""
     names = {topic.rpartition("/")[2] for topic in bag.topics}
     missing = [name for name in ROBOT_TOPICS if name not in (*names, "tf", "tf_static", *OF_DC_MOTOR)]
     if missing:

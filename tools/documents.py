@@ -38,30 +38,17 @@ WORK = "WORK"
 
 @dataclass(frozen=True)
 class Document:
-    """A generated document.
+    """A generated document."""
 
-    Attributes
-    ----------
-    page : str
-        Page with the fingerprint: the document, or the page that shows it.
-    commands : tuple of str
-        Commands that make it, each without `python -m`.
-    minutes : float
-        Approximate time that this takes on two quiet cores [min].
-    numbers : tuple of str
-        What measures it: a definition, ``tools.speeds:motion_table``, or every definition of a module and of the
-        modules below it, ``benchmark``.
-    bits : tuple of str
-        Beginnings of the names of the reference digests that it depends on; none if no test holds its text.
-    copies : mapping of str to str
-        Files that are copied after it is made: source to destination.
-    """
-
-    page: str
-    commands: tuple[str, ...]
-    minutes: float
+    page: str  # page with the fingerprint: the document, or the page that shows it
+    commands: tuple[str, ...]  # commands that make it, each without `python -m`
+    minutes: float  # approximate time that this takes on two quiet cores [min]
+    # What measures it: a definition, ``tools.speeds:motion_table``, or every definition of a module and of the modules
+    # below it, ``benchmark``.
     numbers: tuple[str, ...] = ()
+    # Beginnings of the names of the reference digests that it depends on; none if no test holds its text.
     bits: tuple[str, ...] = BITS
+    # Files that are copied after it is made: source to destination.
     copies: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -39,15 +39,11 @@ HEADS = ("effect", *_COUNTS, "cost", "motions without it", "motions with it")
 
 @dataclass(frozen=True)
 class SceneEffect:
-    """An effect of a shipped scene: a row of the table, with the parameters that remove the effect.
-
-    The parameters `without` remove it, or replace it by a simpler choice; the parameters `given` add it to a scene that
-    does not have it.
-    """
+    """An effect of a shipped scene: a row of the table."""
 
     name: str
-    without: Mapping[str, Value]
-    given: Mapping[str, Value] = field(default_factory=dict)
+    without: Mapping[str, Value]  # parameters that remove the effect, or replace it by a simpler choice
+    given: Mapping[str, Value] = field(default_factory=dict)  # parameters that add it to a scene without it
     scene: str = "device"
 
     def scenes(self) -> tuple[Scene, Scene]:
@@ -152,7 +148,7 @@ def _in_words(attractor: Attractor) -> str:
 
 
 def cost_ratio(effect: SceneEffect) -> float:
-    """Median ratio of wall times with `effect` and without, run alternately, after compilation."""
+    """Median ratio of wall times with `effect` and without, run alternately, after a short run."""
     with_it, without = effect.scenes()
     _run(with_it, 1.0 / RATE)
     _run(without, 1.0 / RATE)

@@ -15,13 +15,7 @@ def given_file(path: Path) -> Iterator[None]:
 
 
 def replaced(document: str, begin: str, end: str, text: str) -> str:
-    """Return `document` with the text between the lines `begin` and `end` replaced by `text`.
-
-    Raises
-    ------
-    ValueError
-        Unless each mark occurs once, in this order.
-    """
+    """Replace the text between the lines `begin` and `end` (ValueError unless each occurs once, in this order)."""
     head, found_begin, rest = document.partition(begin)
     _, found_end, tail = rest.partition(end)
     if not (found_begin and found_end) or begin in rest or end in tail:
@@ -32,10 +26,7 @@ def replaced(document: str, begin: str, end: str, text: str) -> str:
 def write_between(file: Path, begin: str, end: str, text: Callable[[], str]) -> None:
     """Write the result of `text` between the marks of `file`; `text` is called after the marks were found.
 
-    Raises
-    ------
-    ValueError
-        If the file cannot be read or written, or lacks the marks; the message names the file.
+    ValueError if the file cannot be read or written, or lacks the marks; the message names the file.
     """
     with given_file(file):
         document = file.read_text(encoding="utf-8")

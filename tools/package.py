@@ -57,13 +57,7 @@ def with_path(programs: Path, others: Sequence[str] = os.get_exec_path()) -> dic
 
 
 def try_installed(programs: Path, folder: Path) -> None:
-    """Drive the installed robot from the empty folder `folder`, record it, and report on the recording.
-
-    Raises
-    ------
-    subprocess.CalledProcessError
-        When a program ends with another exit code than 0.
-    """
+    """Drive the installed robot from an empty folder, record it, and run the other programs (CalledProcessError)."""
     hidden = ("PYTHONPATH", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
     environment = {name: value for name, value in ros_environment().items() if name not in hidden}
     environment["PATH"] = str(programs)

@@ -38,44 +38,26 @@ STAND_IN = 0.25  # kg, in place of an absent mass: no force acts on it, and the 
 
 @dataclass(frozen=True)
 class ReferenceProblem:
-    """A problem with its reference values, as `accuracy.harness.Problem` asks for.
+    """A problem with its reference values, as `accuracy.harness.Problem` asks for."""
 
-    Attributes
-    ----------
-    name, title : str
-        The data file's name, and a few words.
-    parameters : mapping
-        Numbers in SI units and choices by their symbols. A mass that is 0 is absent, with its spring and plate; a
-        plate of stiffness 0 is absent.
-    start : mapping of str to float
-        Values of `COLUMNS` at t = 0.
-    times : ndarray, shape (n,)
-        Sampled instants [s].
-    values : mapping of str to tuple of str
-        Reference values at these instants, in decimal.
-    events : mapping of str to mapping
-        `count`, and decimal times `first` and `last` [s], of each kind of event. If a kind has infinitely many events,
-        `count` is "infinitely many" and `last` is the instant at which they accumulate.
-    judged : tuple of str
-        Columns by which an answer is judged.
-    digits : int
-        Decimal digits to which a second run of other order and precision agrees.
-    """
-
-    name: str
-    title: str
+    name: str  # the data file's name
+    title: str  # a few words
+    # Numbers in SI units and choices by their symbols. A mass that is 0 is absent, with its spring and plate; a plate
+    # of stiffness 0 is absent.
     parameters: Mapping[str, Any]
-    start: Mapping[str, float]
-    times: np.ndarray
-    values: Mapping[str, Sequence[str]]
+    start: Mapping[str, float]  # values of `COLUMNS` at t = 0
+    times: np.ndarray  # shape (n,): sampled instants [s]
+    values: Mapping[str, Sequence[str]]  # reference values at these instants, in decimal
+    # `count`, and decimal times `first` and `last` [s], of each kind of event. If a kind has infinitely many events,
+    # `count` is "infinitely many" and `last` is the instant at which they accumulate.
     events: Mapping[str, Mapping[str, Any]]
-    judged: tuple[str, ...]
-    digits: int
+    judged: tuple[str, ...]  # columns by which an answer is judged
+    digits: int  # decimal digits to which a second run of other order and precision agrees
 
     @property
     def scene(self) -> Any:
         """The same problem for vibro_ros."""
-        from vibro_ros import load_scene  # numba, which a program of another interpreter lacks
+        from vibro_ros import load_scene  # compiled, which a program of another interpreter lacks
 
         return load_scene("paper").with_parameters(self.scene_parameters())
 
@@ -137,15 +119,9 @@ class ReferenceProblem:
         return self.parameters["normal"] == "hop" and bool(np.any(states[:, COLUMNS.index("y")] < -height))
 
     def error(self, states: np.ndarray) -> float:
-        """Return the largest error of the judged columns, each relative to the span of its reference values; NaN if a
-        state is not a number.
+        """Return the largest error of the judged columns, each relative to the span of its reference values.
 
-        `states` has a row of `COLUMNS` for each of `times`, shape (n, 8).
-
-        Raises
-        ------
-        ValueError
-            For another number of rows.
+        `states` has a row of `COLUMNS` for each of `times`, shape (n, 8) (else ValueError). A NaN gives NaN.
         """
         if len(states) != len(self.times):
             raise ValueError(f"{len(states)} of {len(self.times)} samples")

@@ -19,18 +19,10 @@ NO_BOUNCE = arb("1e-36")  # m/s: least speed of a bounce, because `leading` does
 
 
 class ReferenceModel:
-    """Event-driven Taylor integration of one scene.
+    """Event-driven Taylor integration of one scene, whose parameters by name are `values`.
 
-    Parameters
-    ----------
-    values : mapping of str to float, bool or str
-        The scene's parameters by their names.
-    commands : list of (str, dict)
-        Times [s, decimal text] and the commanded motor_speed [rad/s], upper_gap, inclined_gap [m].
-    order : int
-        Number of powers of time in a step.
-    digits : int
-        Decimal digits of the arithmetic.
+    `commands` are pairs of a time [s, decimal text] and the commanded motor_speed [rad/s], upper_gap, inclined_gap [m].
+    A step has `order` powers of time, in an arithmetic of so many decimal `digits`.
     """
 
     def __init__(self, values, commands=(), order=48, digits=64):

@@ -64,7 +64,7 @@ def foreign(path, profile, *channels):
 
 
 @pytest.mark.parametrize("profile", ["", "ros2", "of another program"])
-def test_a_file_is_of_ros_2_by_its_channels_whatever_its_profile_is(tmp_path, profile):
+def test_a_file_with_channels_of_ros_2_is_read_whatever_its_profile_is(tmp_path, profile):
     foreign(tmp_path / "run" / "run_0.mcap", profile, ("/motor_power", "cdr", "std_msgs/msg/Float64", "ros2msg"),
             ("/scan", "protobuf", "foxglove.LaserScan", "protobuf"))
     bag = load_bag(tmp_path / "run")
@@ -80,7 +80,7 @@ def test_a_file_without_a_channel_of_ros_2_is_refused_with_its_encodings(tmp_pat
         load_bag(tmp_path / "run")
 
 
-def test_of_a_sealed_file_the_summary_names_topics_whose_chunk_is_damaged(tmp_path, published):
+def test_the_summary_of_a_sealed_file_names_topics_whose_chunk_is_damaged(tmp_path, published):
     with Recorder(tmp_path / "run", POWER, {}, storage=Storage()) as recorder:
         recorder.write("/motor_power", 1, published["/motor_power"](1))
     path = mcap_file(tmp_path / "run")

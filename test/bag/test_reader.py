@@ -133,7 +133,7 @@ def test_an_array_is_found_by_the_name_of_its_column(mixed):
     assert repr(mixed).startswith(f"<Bag {mixed.path}: ") and "/odom (" in repr(mixed) and "\n" not in repr(mixed)
 
 
-def test_without_pandas_it_is_named_with_the_remedy(mixed, monkeypatch):
+def test_without_pandas_the_error_names_the_remedy(mixed, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ModuleNotFoundError, match=r"^to_pandas needs pandas \([^\n]*\): pip install pandas$"):
         mixed.to_pandas()
@@ -215,7 +215,7 @@ def test_a_bag_that_is_not_sealed_is_read_at_once_and_left_as_it_is(unsealed):
     (lambda folder: os.truncate(next(folder.glob("*.mcap")), 2000),
      "nothing in it can be read: run_0.mcap: it is not sealed"),
 ], ids=["no file", "cut"])
-def test_spoilt_bag_is_an_error_of_one_line(run, how, reason):
+def test_an_unreadable_bag_is_an_error_of_one_line(run, how, reason):
     how(run)
     with pytest.raises(BagError) as raised:
         read_bag(run)
@@ -228,7 +228,7 @@ def test_spoilt_bag_is_an_error_of_one_line(run, how, reason):
     ("/odom", b""), ("/joint_states", b"\0\1\0\0"), ("/impacts", b"\xff" * 12), ("/motor_power", b"\0\1\0\0\0"),
     ("/motor_power", b"\0\7\0\0" + bytes(8)), ("/motor_power", b"\0\1\0\0" + bytes(16)),
 ], ids=["no byte", "no data", "ones", "five bytes", "XCDR2", "too long"])
-def test_a_message_that_is_none_is_named_and_the_rest_is_read(tmp_path, published, start_ns, topic, data):
+def test_an_unreadable_message_is_named_and_the_rest_is_read(tmp_path, published, start_ns, topic, data):
     with Recorder(tmp_path / "run", topics(), {}) as recorder:
         for i in range(6):
             recorder.write(topic, start_ns + i, data if i in (2, 4) else published[topic](i))
@@ -241,7 +241,7 @@ def test_a_message_that_is_none_is_named_and_the_rest_is_read(tmp_path, publishe
     assert bag.topics[topic].messages == 6
 
 
-def test_chosen_columns_alone_are_read(run, bag):
+def test_only_chosen_columns_are_read(run, bag):
     chosen = read_bag(run, {"odom": ["position"], "joint_states": ["*.position"], "motor_power": []})
     names = {topic: set(arrays) for topic, arrays in chosen.items()}
     assert names == {"/odom": {"time", "position"}, "/motor_power": {"time"},
@@ -252,7 +252,7 @@ def test_chosen_columns_alone_are_read(run, bag):
     assert chosen.topics == bag.topics
 
 
-def test_the_package_offers_it_without_ros_or_kernels(run):
+def test_read_bag_needs_neither_ros_nor_kernels(run):
     program = ("import sys, vibro_ros; bag = vibro_ros.read_bag(sys.argv[1]); print(len(bag['odom']['time'])); "
                "assert not {'rclpy', 'vibro_ros.solver.core'} & set(sys.modules)")
     done = subprocess.run([sys.executable, "-c", program, str(run)], capture_output=True, text=True)

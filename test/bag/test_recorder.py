@@ -40,7 +40,7 @@ def test_rosbags_and_mcap_read_every_message_byte_for_byte_in_order(sealed, sent
     assert by_rosbags(sealed) == by_mcap(sealed) == recorded(mcap_file(sealed)) == sent
 
 
-def test_bag_keeps_types_qos_and_what_the_recorder_says_of_itself(sealed):
+def test_bag_keeps_types_qos_and_custom_data(sealed):
     with Reader(sealed) as reader:
         offered = {connection.topic: (connection.msgtype, connection.ext.offered_qos_profiles[0])
                    for connection in reader.connections}
@@ -59,7 +59,7 @@ def test_last_message_before_a_silence_reaches_the_disk(folder, published, start
 
 
 @pytest.mark.parametrize("stamp", [-1, 1.5, None, True, "1", LAST_STAMP + 1, 2**64])
-def test_what_would_spoil_the_bag_is_refused_and_counted(folder, published, recorded, stamp):
+def test_invalid_messages_are_refused_and_counted(folder, published, recorded, stamp):
     data = published["/motor_power"](1)
     with Recorder(folder, POWER, METADATA) as recorder:
         assert recorder.write("/motor_power", 7, data)

@@ -78,7 +78,7 @@ def test_a_file_that_cannot_be_written_stops_the_recording_not_the_caller(folder
     assert recorder.written == written and recorder.lost + recorder.dropped == 400 - written
 
 
-def test_a_finished_file_that_is_gone_costs_its_messages_alone(folder, published):
+def test_a_deleted_file_costs_only_its_own_messages(folder, published):
     recorder = record_parts(folder, published, lambda folder: mcap_file(folder).unlink(),
                             Storage(max_duration=0.1))
     assert recorder.fault is None

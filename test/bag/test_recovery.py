@@ -96,7 +96,7 @@ def test_a_killed_recorder_loses_the_last_moments_only(tmp_path, attempt):
 
 
 @pytest.mark.parametrize("storage", STORAGES.values(), ids=STORAGES)
-def test_everything_flushed_is_there_and_so_is_what_the_bag_says_of_itself(unsealed, storage):
+def test_all_flushed_messages_and_the_custom_data_survive(unsealed, storage):
     folder, sent = unsealed(storage)
     done = recover(folder)
     assert (done.messages, done.cut, done.last, done.was_sealed) == (60, 0, sent[-1][1], False)
@@ -113,7 +113,7 @@ def test_everything_flushed_is_there_and_so_is_what_the_bag_says_of_itself(unsea
     lambda text: None, lambda text: "", lambda text: text[:100],
     lambda text: text.replace("- run_0.mcap", "- ../../etc/passwd"),
     lambda text: text.replace("version: 9", "version: 99")], ids=["missing", "empty", "cut", "other name", "later"])
-def test_metadata_that_are_lost_or_do_not_name_the_files_are_written_again(tmp_path, published, spoil):
+def test_lost_or_incomplete_metadata_are_written_again(tmp_path, published, spoil):
     folder = tmp_path / "run"
     with Recorder(folder, POWER, {}, storage=Storage(max_duration=0.1)) as recorder:
         for i in range(300):
@@ -192,7 +192,7 @@ def test_a_torn_file_is_kept_beside_its_sealed_copy(unsealed, capsys, tail):
 
 @pytest.mark.parametrize("error", [MemoryError(), OSError(errno.EMFILE, "Too many open files"), KeyboardInterrupt()])
 @pytest.mark.parametrize("where", ["bag.mcap_file.unfolded", "bag.mcap_file.McapFile.copy_sealed"])
-def test_what_goes_wrong_meanwhile_is_no_damage(unsealed, monkeypatch, error, where):
+def test_an_error_during_recovery_damages_nothing(unsealed, monkeypatch, error, where):
     """Nothing is cut off the file if memory, the disk or the user's patience runs out during the recovery."""
     folder, sent = unsealed()
     (path,) = folder.glob("*.mcap")
@@ -233,7 +233,7 @@ def test_a_sealed_file_that_is_damaged_is_left_as_it_is_and_read_without_the_dam
     assert content(folder) == content_before
 
 
-def test_a_bag_of_which_nothing_can_be_read_is_left_as_it_is(tmp_path, published):
+def test_an_unreadable_bag_is_left_as_it_is(tmp_path, published):
     folder = tmp_path / "run"
     with Recorder(folder, POWER, {}) as recorder:
         recorder.write("/motor_power", 1, (30).to_bytes(2, "little") * 6)
@@ -244,7 +244,7 @@ def test_a_bag_of_which_nothing_can_be_read_is_left_as_it_is(tmp_path, published
     assert content(folder) == content_before
 
 
-def test_a_recovery_without_room_leaves_all_that_was_there(unsealed):
+def test_a_recovery_on_a_full_disk_leaves_the_bag_as_it_was(unsealed):
     folder, sent = unsealed()
     (path,) = folder.glob("*.mcap")
     data_before = path.read_bytes()
@@ -264,7 +264,7 @@ def test_an_empty_last_file_is_left_out(unsealed):
     assert recover(folder).was_sealed
 
 
-def test_folders_that_are_not_ones_own_are_passed_over(unsealed, tmp_path, monkeypatch):
+def test_unreadable_folders_and_links_are_skipped(unsealed, tmp_path, monkeypatch):
     folder, _ = unsealed()
     for name in ("of another", "new\nline", os.fsdecode(b"\xff\xfe"), "empty"):
         (tmp_path / name).mkdir()
@@ -284,7 +284,7 @@ def test_folders_that_are_not_ones_own_are_passed_over(unsealed, tmp_path, monke
     assert unsealed_bags(tmp_path / "of another") == []
 
 
-def test_a_bag_that_is_sealed_while_it_is_looked_at_is_not_called_unsealed(tmp_path, published, monkeypatch):
+def test_a_bag_that_is_sealed_during_the_search_is_not_listed_as_unsealed(tmp_path, published, monkeypatch):
     """When several robots started at once in one folder, one of them reported that the robot of another's bag had been
     killed.
     """
@@ -314,7 +314,7 @@ def test_a_bag_in_use_is_left_alone(tmp_path, published):
     ("run_0.db3", b"SQLite format 3", "run_0.db3: is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag"),
     ("notes.txt", b"text", "not a bag, it holds no .mcap file"),
 ], ids=["empty", "foreign", "ros1", "header", "database", "notes"])
-def test_what_is_no_bag_is_one_line_and_untouched(tmp_path, capsys, name, data, reason):
+def test_a_path_that_is_no_bag_is_refused_in_one_line_and_untouched(tmp_path, capsys, name, data, reason):
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / name).write_bytes(data)
@@ -359,7 +359,7 @@ def killed_before(folder: Path, step: int) -> bool:
         os._exit(1)  # it must not go on as its parent
 
 
-def test_a_recovery_killed_before_any_of_its_steps_can_be_repeated(tmp_path, unsealed):
+def test_a_recovery_that_was_killed_at_any_step_can_be_repeated(tmp_path, unsealed):
     good, sent = unsealed(samples=3000, name="good")
     with mcap_file(good).open("ab") as file:  # half a chunk
         file.write(b"\6" + (5000).to_bytes(8, "little") + bytes(1000))

@@ -85,7 +85,7 @@ def test_a_split_bag_holds_every_message_in_files_that_do_not_overlap(tmp_path, 
     assert names == {"metadata.yaml", *(file["path"] for file in files)}
 
 
-def test_a_long_silence_of_flush_does_not_fill_the_memory(tmp_path, start_ns):
+def test_full_chunks_are_written_without_a_flush(tmp_path, start_ns):
     writer = BagWriter(tmp_path / "run", TOPICS, {}, Storage())
     for i in range(4):
         writer.write("/odom", start_ns + i, bytes(CHUNK_SIZE))
@@ -93,7 +93,7 @@ def test_a_long_silence_of_flush_does_not_fill_the_memory(tmp_path, start_ns):
     writer.close({})
 
 
-def test_an_empty_bag_is_not_from_the_far_future(tmp_path):
+def test_an_empty_bag_has_no_duration(tmp_path):
     BagWriter(tmp_path / "run", TOPICS, {}, Storage()).close({})
     with Reader(tmp_path / "run") as reader:
         assert (reader.message_count, reader.duration) == (0, 0)
@@ -139,7 +139,7 @@ def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published,
     assert metadata(folder)["relative_file_paths"][0].startswith(f"run_{custom['discarded_files']}.")
 
 
-def test_each_file_begins_with_what_is_said_once_for_all(tmp_path, published, start_ns):
+def test_each_file_begins_with_the_messages_that_are_published_once(tmp_path, published, start_ns):
     folder, said = tmp_path / "run", published["/motor_power"](7)
     topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 1, True)]
     with Recorder(folder, topics, {}, storage=SPLITS["size"]) as recorder:
@@ -172,12 +172,12 @@ def test_messages_out_of_order_do_not_make_files_overlap(tmp_path, published, st
     ({"max_bytes": 1000}, "record.max_bytes: 1000 is too small"),
     ({"max_bytes": 1_000_000, "max_size": 900_000}, "record.max_size: 900000 does not fit twice"),
 ])
-def test_limits_that_make_no_sense_are_refused(wrong, reason):
+def test_invalid_limits_are_refused(wrong, reason):
     with pytest.raises(ValueError, match=reason):
         Storage(**wrong)
 
 
-def test_what_becomes_known_later_is_known_of_a_killed_and_of_a_sealed_bag(tmp_path):
+def test_later_custom_data_are_in_killed_and_in_sealed_bags(tmp_path):
     for name, killed in (("killed", True), ("sealed", False)):
         writer = BagWriter(tmp_path / name, defined(POWER), {"scene": "device", "start": "1"}, Storage())
         writer.describe({"start": "5"})

@@ -73,7 +73,7 @@ def test_foxglove_plots_numbers_and_shows_the_robot():
     assert {scene["followTf"], *(layer["frameId"] for layer in scene["layers"].values())} <= FRAMES
 
 
-def test_foxglove_calls_joints_what_they_are():
+def test_foxglove_uses_the_names_of_the_joints():
     joints = joints_of(load_scene("device"))
     labels = {int(index): path["label"].split()[0] for part in parts(foxglove()) for path in part.get("paths", ())
               for index in re.findall(r"position\[(\d+)\]", path["value"])}

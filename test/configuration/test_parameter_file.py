@@ -5,12 +5,12 @@ import pytest
 from vibro_ros.configuration.parameter_file import applies, own_parameters, sections
 
 
-def test_which_nodes_a_section_is_for_that_rcl_was_not_asked_of():
+def test_patterns_of_sections_apply_to_the_nodes_that_they_name():
     assert applies("/**/b", "/b") and applies("/*", "/b")
     assert not applies("/a.b", "/a/b")
 
 
-def test_parameters_of_rclpy_are_no_others():
+def test_parameters_of_rclpy_are_left_out_and_no_others():
     values = {"use_sim_time": True, "qos_overrides./odom.publisher.depth": 3, "use_sim": 1, "a.use_sim_time": 2}
     assert own_parameters(values) == {"use_sim": 1, "a.use_sim_time": 2}
 
@@ -27,7 +27,7 @@ def test_parameters_of_rclpy_are_no_others():
         "/**:\n  n: {ros__parameters: {a: 1}}\n/**:\n  n: {ros__parameters: {a: 1}}\n")),
     *((f"/**:\n  ros__parameters:\n    mass:\n      body: {value}\n", "mass.body: has no value; give one.*")
       for value in ("", "{}", "~"))])
-def test_a_file_that_means_nothing_or_two_things_is_refused_in_one_line(tmp_path, text, reason):
+def test_an_empty_or_ambiguous_file_is_refused_in_one_line(tmp_path, text, reason):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(ValueError, match=rf"^{path}: {reason}$"):

@@ -57,7 +57,7 @@ def test_a_scene_by_its_name(name):
     assert set(scene.parameters) == {parameter.name for parameter in SCENE_PARAMETERS}
 
 
-def test_device_parameters_are_checked_and_left_aside(scene_file):
+def test_device_parameters_are_checked_and_ignored(scene_file):
     device = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
     lines = [f"{name}: {json.dumps(value)}" for name, value in device.items()]
     path = scene_file(below_head("mass.body: 2.0", *lines))
@@ -124,7 +124,7 @@ def test_scenes_are_immutable_values():
     assert scene["guide.angle"] == math.radians(50.0)
 
 
-def test_a_scene_of_a_scene_is_that_scene_changed(tmp_path):
+def test_a_scene_based_on_a_scene_is_that_scene_with_changes(tmp_path):
     (tmp_path / "lab").mkdir()
     (tmp_path / "steep.yaml").write_text(below_head("scene: lab/heavy.yaml", "guide.angle: 1.2"))
     (tmp_path / "lab" / "heavy.yaml").write_text(below_head("scene: device", "mass.body: 2.0", "guide.angle: 1.0"))
@@ -138,7 +138,7 @@ def test_the_robots_usual_settings_are_the_nodes_default_scene():
     assert load_scene(config_folder() / "robot.yaml").parameters == load_scene("device").parameters
 
 
-def test_a_scene_of_itself_is_refused(tmp_path):
+def test_a_scene_based_on_itself_is_refused(tmp_path):
     (tmp_path / "here").mkdir()
     for name, base in (("a", "b.yaml"), ("b", "../here/a.yaml"), ("self", "./self.yaml")):
         (tmp_path / "here" / f"{name}.yaml").write_text(below_head(f"scene: {base}"))
@@ -147,12 +147,12 @@ def test_a_scene_of_itself_is_refused(tmp_path):
         assert ".yaml: as a scene it is a change of itself; let its `scene` be one of" in message
 
 
-def test_a_bad_scene_of_a_scene_is_refused_in_its_own_name(scene_file, tmp_path):
+def test_an_error_in_a_base_scene_names_the_file_of_that_scene(scene_file, tmp_path):
     (tmp_path / "other.yaml").write_text(below_head("mass.body: -1.0"))
     assert "mass.body: -1 is out of range" in refusal(scene_file(below_head("scene: other.yaml")), "other.yaml")
 
 
-def test_the_parameters_of_every_node_are_left_aside(scene_file):
+def test_parameters_of_every_ros_node_are_ignored(scene_file):
     """`ros2 param dump` writes parameters that every node has, such as `use_sim_time`; they are not parameters of a
     scene.
     """
@@ -162,7 +162,7 @@ def test_the_parameters_of_every_node_are_left_aside(scene_file):
     assert load_scene(path).parameters == load_scene("device").with_parameters({"mass.body": 2.0}).parameters
 
 
-def test_the_sections_of_other_nodes_are_left_aside(scene_file):
+def test_sections_of_other_nodes_are_ignored(scene_file):
     path = scene_file("/vibro_controller:\n  ros__parameters: {rate: 20.0}\n"
                       "/lab:\n  vibro_robot:\n    ros__parameters: {mass.body: 2.0}\n"
                       "/*/other:\n  ros__parameters: {mass.body: 3.0}\n")
@@ -171,14 +171,14 @@ def test_the_sections_of_other_nodes_are_left_aside(scene_file):
         load_scene(path, node="/vibro_robot")
 
 
-def test_a_file_of_several_robots_needs_the_name_of_one(scene_file):
+def test_a_file_for_several_robots_needs_the_name_of_one_of_them(scene_file):
     path = scene_file("/left/vibro_robot:\n  ros__parameters: {mass.body: 2.0}\n"
                       "/right/vibro_robot:\n  ros__parameters: {mass.body: 3.0}\n")
     assert "/left/vibro_robot, /right/vibro_robot; name one of them" in refusal(path)
     assert load_scene(path, node="/right/vibro_robot")["mass.body"] == 3.0
 
 
-def test_a_scenes_origin_means_the_same_from_everywhere(tmp_path, monkeypatch):
+def test_a_scenes_origin_is_the_same_from_every_working_directory(tmp_path, monkeypatch):
     (tmp_path / "mine.yaml").write_text(below_head("mass.body: 2.0"))
     assert scene_origin("paper", tmp_path) == "paper"
     assert scene_origin("mine.yaml", tmp_path) == str(tmp_path / "mine.yaml")

@@ -27,7 +27,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("text, reason", HOSTILE.values(), ids=HOSTILE)
-def test_what_would_hang_or_kill_is_one_line(tmp_path, text, reason):
+def test_documents_beyond_the_limits_are_refused_in_one_line(tmp_path, text, reason):
     path = tmp_path / "file.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     began = time.monotonic()
@@ -50,7 +50,7 @@ def test_a_limit_counts_keys_and_values():
         parse_yaml("a: [1, 2]\nb: 3", Limits(values=6))
 
 
-def test_what_is_no_regular_file_is_never_opened(tmp_path):
+def test_only_regular_files_are_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "zero").symlink_to("/dev/zero")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")

@@ -34,7 +34,7 @@ def test_no_state_begins_twice_at_one_instant_and_energy_balances(monkeypatch, n
     assert_balanced(run, 1e-11)
 
 
-def test_a_spring_of_the_ground_swings_the_body(monkeypatch):
+def test_a_spring_between_ground_and_body_makes_the_body_oscillate(monkeypatch):
     """x'' = -k/M x without friction: x(t) = cos(omega t), to 1e-13."""
     monkeypatch.setattr(parameter_values, "GROUND_FORCES", (SPRING,))
     scene = vibro_ros.load_scene("damped").with_parameters({

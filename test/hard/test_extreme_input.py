@@ -90,7 +90,7 @@ def test_the_rate_that_is_limited_is_that_of_the_compiled_tables(rule, friction,
     {"mass.upper": 1e-12, "upper.spring.stiffness": 10.0, "effects.upper_contact": "none"},
     {"mass.upper": 1e-3, "upper.plate.stiffness": 1e12, "effects.upper_contact": "restitution",
      "effects.friction": "none"}])
-def test_what_is_fast_but_sensible_or_not_simulated_is_accepted(changes):
+def test_fast_but_feasible_and_unused_parameters_are_accepted(changes):
     device = vibro_ros.Simulator(PAPER.with_parameters(changes))
     device.advance_to(1e-3)
     assert device.statistics["steps"] < 10_000  # 1e-3 s at 5e6 steps a second, and some for events

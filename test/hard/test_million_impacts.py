@@ -70,7 +70,7 @@ def test_a_million_impacts_keep_the_energy(plates, reaction):
     assert abs(device.statistics["energy_accounts"]["residual"]) <= 1e-9 * energies[0]
 
 
-def test_what_blows_take_is_missing_from_the_energy():
+def test_energy_decreases_by_the_losses_of_the_blows():
     """The test of the energy detects a restitution of 0.9999: each blow dissipates (1 - e²) m v²/2, which the accounts
     add up.
     """

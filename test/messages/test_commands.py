@@ -29,7 +29,7 @@ def test_each_joint_gets_its_number_whatever_is_left_out(message: dict):
     assert not faults
 
 
-def test_what_is_not_finite_is_no_command_and_no_fault():
+def test_a_number_that_is_not_finite_is_neither_a_command_nor_a_fault():
     assert commands_of_message(position=(NAN, math.inf), velocity=(NAN,)) == ({}, [])
     assert commands_of_message(position=(NAN, NAN), velocity=(50.0,)) == ({"motor_speed": 50.0}, [])
     assert commands_of_message(name=()) == ({}, [])
@@ -43,6 +43,6 @@ def test_what_is_not_finite_is_no_command_and_no_fault():
     ({"velocity": (1.0,), "effort": (0.0, 0.0, 1.0)}, {"motor_speed": 1.0}, "'crank' is not commanded by effort"),
     ({"name": ("crank", "elbow"), "velocity": (1.0,) * 3}, {}, "velocity: 3 numbers for 2 names"),
     ({"name": ("crank", "upper_plate", "crank"), "velocity": (1.0, 2.0)}, {}, "'crank' is named 2 times; name each")])
-def test_what_means_nothing_is_said_and_leaves_the_rest(message: dict, commands: dict, words: str):
+def test_meaningless_entries_are_reported_and_the_rest_is_used(message: dict, commands: dict, words: str):
     understood, faults = commands_of_message(**message)
     assert understood == commands and words in faults[0]

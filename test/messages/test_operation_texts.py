@@ -26,7 +26,7 @@ from vibro_ros.messages.operations import (
     Operation(FAULT, parameters={"fault": "friction_patch", "of": "", "duration": 0.1, "value": 0.02,
                                  "from_x": -1.0 / 3.0, "to_x": 1e-300}),
     Operation(SET, parameters={"ground.friction": 0.1 + 0.2, "rate.real_time_factor": 1e-300})])
-def test_a_text_tells_an_operation_to_the_last_bit(operation: Operation):
+def test_an_operation_survives_its_text_to_the_last_bit(operation: Operation):
     assert read_operation(str(operation)) == operation
 
 
@@ -35,7 +35,7 @@ def test_a_text_tells_an_operation_to_the_last_bit(operation: Operation):
     "set " + "[" * 100_000, "x" * 1_000_000, "push", "push {}", 'push {"duration": 1.0}', "state", "state 1",
     "fault {}", 'fault {"fault": "motor_stall", "duration": 1.0, "of": "", "value": 0.0}',
     'fault {"fault": "motor_stall", "duration": 1.0, "of": "", "value": 0.0, "from_x": 0.0, "to_x": 0.0, "more": 1}'])
-def test_a_text_that_tells_none_is_refused_in_few_words(text: str):
+def test_a_text_that_is_no_operation_is_refused_in_one_line(text: str):
     with pytest.raises(ValueError, match="is no operation of the robot") as refused:
         read_operation(text)
     assert len(str(refused.value)) < 300 and "\n" not in str(refused.value)
@@ -59,7 +59,7 @@ def test_an_operation_that_no_robot_performed_changes_nothing(text: str):
 @pytest.mark.parametrize("text", ["pause", "resume", "step 3", 'set {"rate.real_time_factor": 3.0}', "set {}",
                                   'fault {"fault": "lost_commands", "duration": 9.0, "of": "", "value": 0.0, '
                                   '"from_x": 0.0, "to_x": 0.0}'])
-def test_what_only_the_wall_clock_knows_leaves_the_device_alone(text: str):
+def test_pauses_and_steps_do_not_change_the_device(text: str):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0}))
     device.advance_to(0.1)
     checkpoint = device.checkpoint().tolist()

@@ -59,7 +59,7 @@ def corners_of(visual) -> np.ndarray:
     return homogeneous(place, Rotation.from_euler("xyz", rpy)) @ corners
 
 
-def test_ros_own_parser_takes_it(scene, tmp_path):
+def test_the_parser_of_ros_accepts_the_urdf(scene, tmp_path):
     file = tmp_path / "robot.urdf"
     file.write_text(robot_description(scene))
     done = subprocess.run([CHECK_URDF, file], capture_output=True, text=True, timeout=60)
@@ -68,7 +68,7 @@ def test_ros_own_parser_takes_it(scene, tmp_path):
     assert "root Link: base_link" in done.stdout
 
 
-def test_joints_that_states_move_are_those_of_joint_states(scene):
+def test_movable_joints_are_those_of_joint_states(scene):
     kinematics = Kinematics(robot_description(scene))
     assert sorted(kinematics.moved_by_states) == sorted(joints_of(scene))
     assert {kinematics.joints[f"{side}_rod"].get("type") for side in scene.guides} <= {"floating"}

@@ -64,7 +64,7 @@ def integral(values, times):
 
 
 @pytest.mark.parametrize("changes", [{}, STRIBECK, LAG], ids=["coulomb", "stribeck", "lag"])
-def test_accounts_are_the_integrals_of_what_is_sampled(changes):
+def test_accounts_are_the_integrals_of_the_sampled_powers(changes):
     """With samples every 2 µs the sums are off by some 1e-6 of the exchanged energy where a power jumps. The motor with
     a lag is slow at first.
     """
@@ -102,7 +102,7 @@ def _stretch(run, machine, side):
     return getattr(run, f"{side}_position") - slider(angle, machine["crank.radius"], machine[f"crank.{side}_rod"])
 
 
-def test_blows_take_what_restitution_leaves_out():
+def test_blows_take_the_energy_that_the_restitution_implies():
     """A mass falls onto a rigid plate below: every blow takes m v² (1 - e²) / 2."""
     run = vibro_ros.simulate(scene("rigid", FALLING, {"inclined.plate.restitution": 0.7}), duration=0.7, rate=10.0)
     speeds = run.events["speed"][run.events["kind"] == "inclined_contact"]

@@ -75,7 +75,7 @@ def test_commands_between_the_steps_act_as_they_do_exactly(method, name):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("friction", ["coulomb", "static"])
-def test_a_body_that_comes_to_rest_has_no_speed_at_all(method, friction):
+def test_a_body_at_rest_has_a_speed_of_exactly_0(method, friction):
     made = scene("no_impact", {"motor.speed": 60.0, "effects.friction": friction, "ground.friction": 0.5,
                                "ground.static_friction": 0.6, "solver.step": 1e-4})
     run = vibro_ros.simulate(made, duration=1.0, rate=1e4, method=method)

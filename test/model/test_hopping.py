@@ -84,7 +84,7 @@ def test_the_ground_is_left_where_the_normal_force_would_vanish_and_not_before(e
 
 @pytest.mark.parametrize("gravity", [0.0, 1e-9, 1.0])
 @pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
-def test_no_lock_up_where_the_normal_force_is_almost_nothing(gravity, changes):
+def test_a_normal_force_near_0_does_not_lock_up_the_simulation(gravity, changes):
     """With an N that is only rounding error, at rest, and with hardly any weight, running and stopped, no more events
     occur than the motion has.
     """

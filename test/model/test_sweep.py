@@ -104,7 +104,7 @@ def test_a_sweep_makes_only_what_its_parameter_touches(name, parameter, kept):
     {"effects.upper_contact": "restitution"}, {"effects.friction": "none"}, {"guide.angle": 0.0},
     {"gravity": 0.0}, {"upper.plate.stiffness": 0.0}, {"ground.friction": 1e-3, "ground.static_friction": 1e-3}],
     ids=lambda changes: next(iter(changes)))
-def test_what_was_compiled_before_changes_no_bit(changes):
+def test_scenes_that_were_compiled_before_change_no_bit(changes):
     """The previously compiled scene has other effects, or forms that vanish or coincide, so that it has other guards
     and rows.
     """

@@ -69,7 +69,7 @@ def test_every_console_script_enters_by_it():
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
-def test_its_help_begins_with_the_sentence_of_the_list_and_it_says_its_version(capsys, name):
+def test_help_begins_with_the_sentence_of_the_list_and_version_is_printed(capsys, name):
     executable, said = EXECUTABLES[name], []
     assert executable.does.endswith(".") and len(executable.does) < 100  # one line of a terminal
     for option in ("--help", "--version"):
@@ -171,7 +171,7 @@ def test_a_second_signal_ends_a_start_that_does_not_poll(start):
     assert code in (130, 143)  # two signals that wait have no order
 
 
-def test_what_is_held_open_is_closed_whatever_comes(start):
+def test_a_held_resource_is_closed_whatever_signals_come(start):
     process = requested(start, held="stop.hold()", rest=0.5)
     process.send_signal(signal.SIGINT)
     assert process.stdout.readline() == "asked\n"
@@ -180,7 +180,7 @@ def test_what_is_held_open_is_closed_whatever_comes(start):
     assert said_after(process, PROMPT) == (7, "", "")
 
 
-def test_nohup_is_heeded_and_an_ignored_ctrl_c_is_not(start):
+def test_an_ignored_sighup_stays_ignored_and_an_ignored_sigint_does_not(start):
     def as_nohup_in_a_script():
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -203,7 +203,7 @@ def test_a_thread_that_works_on_does_not_delay_the_end(start):
     (ValueError("a: b\n  c"), 2, "a: b c"), (RuntimeError("no"), 1, "no"),
     (FileNotFoundError(2, "No such file", "none"), 1, "none: No such file"),
     (MemoryError(), 1, "not enough memory; free some, or give less at a time")])
-def test_a_foreseen_error_is_one_line(capsys, error, code, said):
+def test_an_expected_error_is_one_line(capsys, error, code, said):
     def body():
         raise error
 
@@ -211,7 +211,7 @@ def test_a_foreseen_error_is_one_line(capsys, error, code, said):
     assert capsys.readouterr().err == f"planted: {said}\n"
 
 
-def test_a_terminal_without_greek_gets_the_help_all_the_same(start):
+def test_help_is_printed_on_a_terminal_without_greek_letters(start):
     process = start(*module("robot"), "--help", env={**os.environ, "LC_ALL": "C", "PYTHONIOENCODING": "ascii"})
     code, out, err = said_after(process)
     assert (code, err) == (0, "")
@@ -232,12 +232,12 @@ STREAMS = {
 
 
 @pytest.mark.parametrize("command, code, said", STREAMS.values(), ids=STREAMS)
-def test_streams_and_folders_that_are_not_there(tmp_path, command, code, said):
+def test_missing_streams_and_folders_give_a_line_and_an_exit_code(tmp_path, command, code, said):
     done = run_shell(command, tmp_path)
     assert (done.returncode, done.stderr) == (code, said.format(folder=tmp_path))
 
 
-def test_without_ros_it_says_what_to_do(start):
+def test_without_ros_the_message_names_the_remedy(start):
     program = ("import sys; sys.modules['rclpy'] = None; from vibro_ros.process import entry_point; "
                "sys.exit(entry_point.enter('robot'))")
     code, out, err = said_after(start("-c", program, "--help"))

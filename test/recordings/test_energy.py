@@ -50,7 +50,7 @@ def test_accounts_are_those_of_the_commanded_run(recorded):
     assert energy["cost_of_transport"] == pytest.approx(net / weight / abs(run.body_position[-1]), rel=1e-12)
 
 
-def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, tmp_path):
+def test_accounts_of_a_late_recording_begin_at_its_checkpoint(recorded, tmp_path):
     """The energy is computed from the checkpoint on, although the robot that wrote it keeps no accounts."""
     begin = 40
     robot, accountant = (vibro_ros.Simulator(scene) for scene in (vibro_ros.load_scene("device"), device()))
@@ -125,7 +125,7 @@ def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
      "solver.step takes 1e+08 steps a sample, more than 1000000"),
     ({"start": "12"}, "are not those of the robot's samples"),
     ({"start": "one"}, "cannot be simulated by this version")])
-def test_what_the_bag_says_of_itself_may_be_anything(recorded, tmp_path, custom, reason):
+def test_any_custom_data_of_a_bag_is_read_or_refused(recorded, tmp_path, custom, reason):
     """With `start` 12 ns after 1970, 56 years of simulation must not be begun."""
     began = time.monotonic()
     unknown = energy_of(load_bag(rewritten(recorded, tmp_path / "bag2", **custom)))["unknown"]
@@ -135,7 +135,7 @@ def test_what_the_bag_says_of_itself_may_be_anything(recorded, tmp_path, custom,
 
 @pytest.mark.parametrize("lacks, has", [
     ("ground.stribeck_speed", {}), ("", {"record.storage": "mcap"})], ids=["default", "storage"])
-def test_a_bag_of_an_earlier_version_is_understood(recorded, tmp_path, lacks, has):
+def test_a_bag_of_an_earlier_version_is_read(recorded, tmp_path, lacks, has):
     """The bag lacks a parameter, which then had its default, or names a parameter that no longer exists."""
     with BagStream(recorded) as stream:
         parameters = json.loads(stream.metadata["parameters"])

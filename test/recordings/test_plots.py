@@ -7,7 +7,7 @@ import pytest
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.recordings import report
-from vibro_ros.recordings.report import MOMENT, plot_run
+from vibro_ros.recordings.report import CLOSE_UP, plot_run
 
 ROWS = ["body displacement [mm]", "upper mass [mm]", "inclined mass [mm]", "peak force [N]", "ground force N [N]",
         "motor [rad/s]", "motor power [W]"]
@@ -48,7 +48,7 @@ def test_every_axis_has_its_unit_and_both_columns_share_time(shown):
         assert len({axes[column].get_xlim() for axes in shown.values()}) == 1
     left, right = shown[ROWS[0]]
     assert left.get_xlim() == (0.0, pytest.approx(4.0))
-    assert np.ptp(right.get_xlim()) == pytest.approx(MOMENT)
+    assert np.ptp(right.get_xlim()) == pytest.approx(CLOSE_UP)
 
 
 def test_body_moves_in_millimetres_from_its_first_sample(shown, bag):
@@ -94,7 +94,7 @@ def test_a_mean_over_turns_does_not_swing_with_the_crank():
     np.testing.assert_allclose(mean, 1.0, atol=1e-4)
 
 
-def test_every_blow_has_its_peak_force(shown, bag):
+def test_every_impact_is_drawn_at_its_peak_force(shown, bag):
     drawn = lines(shown["peak force [N]"][0])
     for guide, count in (("upper", 60), ("inclined", 30)):
         time, force = drawn[f"{guide} impacts"].get_data()
@@ -124,7 +124,7 @@ def test_a_refused_command_does_not_flatten_the_motor(bag, value):
     ({"without": ("motor_power",)}, ROWS[:-1]), ({"without": ("impacts",)}, [*ROWS[:3], *ROWS[4:]]),
     ({"joints": ["crank", "inclined_mass", "inclined_plate"]}, [ROWS[0], *ROWS[2:]]),
     ({"joints": ["crank"]}, [ROWS[0], *ROWS[3:]])], ids=str)
-def test_what_a_recording_lacks_is_left_out(known_run, options, rows):
+def test_panels_without_data_are_left_out(known_run, options, rows):
     figure = plot_run(read_bag(known_run(**options)))
     figure.canvas.draw()
     assert list(panels(figure)) == rows

@@ -83,7 +83,7 @@ def one_error_line(capsys):
     (lambda folder: folder.with_name("run_report").write_text(""),
      "run_report: cannot write: File exists; give a writable --output"),
 ], ids=["missing", "output"])
-def test_what_cannot_be_reported_ends_with_2(record_run, capsys, make, reason):
+def test_a_recording_that_cannot_be_reported_gives_exit_code_2(record_run, capsys, make, reason):
     folder = record_run()
     make(folder)
     assert report.main([str(folder)]) == 2

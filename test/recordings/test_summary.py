@@ -64,7 +64,7 @@ def test_the_load_of_the_ground_needs_the_robots_masses(known_run, recorder, mea
     assert summarise(bag)["load"] == {"mean": mean and exactly(mean, rel=1e-12), "unloaded": 0.0}
 
 
-def test_what_cannot_be_told_from_one_sample_is_left_open(known_run):
+def test_numbers_that_one_sample_does_not_define_are_none(known_run):
     summary = summarise(read_bag(known_run(count=1)))
     assert (summary["mean_speed"], summary["mean_power"]) == (None, None)
     assert summary["impacts_per_turn"] == {"upper": None, "inclined": None}
@@ -89,7 +89,7 @@ def test_text_and_caption_carry_the_numbers_with_units(summary):
     ({"count": 0}, "/odom holds no message; record a robot that runs"),
     ({"joints": ["upper_mass", "upper_plate"]}, "/joint_states lacks crank.position, crank.velocity; report on"),
 ], ids=["topic", "empty", "joint"])
-def test_what_a_summary_needs_is_named(known_run, options, reason):
+def test_topics_and_joints_that_a_summary_needs_are_named(known_run, options, reason):
     with pytest.raises(BagError, match=reason):
         summarise(read_bag(known_run(**options)))
 
@@ -110,14 +110,14 @@ def test_the_pitch_index_needs_a_hop_and_the_robots_parameters(known_run, parame
     assert ("pitch index 0.000" in lines_of(summary)) == (index is not None)
 
 
-def test_a_summary_warns_of_what_the_model_may_not_leave_out(summary):
+def test_a_summary_warns_where_the_model_is_not_valid(summary):
     lines = lines_of(summary | {"validity": {"pitch_index": 0.8, "current_share": 1.5}})
     assert "pitch index 0.800" in lines and "rms / continuous current 1.500" in lines
     warnings = [line for line in lines if line.startswith("warning ")]
     assert ["pitch index 0.8 is above 0.2" in line for line in warnings] == [True, False] and "overheats" in warnings[1]
 
 
-def test_a_replay_with_changes_prints_what_differs_and_nothing_else(tmp_path, capsys):
+def test_a_replay_with_changes_prints_only_the_differences(tmp_path, capsys):
     running = vibro_ros.load_scene("damped").with_parameters({"motor.speed": 100.0})
     folder = robot_bag(tmp_path / "run", running, 400)
     assert replay.main([str(folder), "--set", "ground.friction=0.0"]) == 0

@@ -11,7 +11,7 @@ import numpy as np
 import vibro_ros
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.controller.feedback import (
-    MOTOR_RANGE,
+    DEFAULT_MOTOR_RANGE,
     RATE,
     Goal,
     GoalError,
@@ -88,7 +88,7 @@ STOPPING = 2.0
 def main(starts: int) -> None:
     """Print the errors of goals of the scene `device`, each from `starts` random starts, and how many were missed."""
     for speed, within, (motor, reach, gap) in (
-            *((speed, 0.005, (MOTOR_RANGE, -0.06, 0.0)) for speed in (-0.005, -0.02, -0.06)),
+            *((speed, 0.005, (DEFAULT_MOTOR_RANGE, -0.06, 0.0)) for speed in (-0.005, -0.02, -0.06)),
             *((speed, 0.02, FAST) for speed in (-0.1, -0.2, -0.3))):
         held, missed = [], 0
         for number in range(starts):
@@ -110,7 +110,7 @@ def main(starts: int) -> None:
                     trial.turn(0.0, STOPPING)
                 target = float(trial.device.state.body_position) - way
                 try:
-                    trial.pursue(PositionGoal(target, within, MOTOR_RANGE), 60.0, -0.06)
+                    trial.pursue(PositionGoal(target, within, DEFAULT_MOTOR_RANGE), 60.0, -0.06)
                 except GoalError:
                     missed += 1
                     continue

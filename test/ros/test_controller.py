@@ -37,7 +37,7 @@ class CommandListener:
             self.bench.node.destroy_subscription(subscription)
 
 
-def test_it_plays_a_script_to_the_end(start, bench, tmp_path):
+def test_the_controller_plays_a_script_to_the_end(start, bench, tmp_path):
     listener = CommandListener(bench)
     script = write(tmp_path, """
 entries:
@@ -66,7 +66,7 @@ entries:
     assert "/bench does not say its limits" in controller.text
 
 
-def test_two_robots_that_hear_the_commands_stop_it(start, tmp_path):
+def test_two_robots_on_the_command_topics_end_the_script(start, tmp_path):
     """The controller stops as soon as it discovers both, whether it has started to play or not."""
     script = write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0}]\n")
     robot = ("robot", "--ros-args", "-p", "record.enabled:=false", "-r")
@@ -96,7 +96,7 @@ def test_two_robots_that_hear_the_commands_stop_it(start, tmp_path):
     (["forwards.yaml", "--ros-args", "-p", "reach:=0.0"], "controller: reach: 0 is out of range; give a mean speed "
      "other than 0 m/s, negative if the robot goes backwards"),
 ])
-def test_bad_input_is_one_line(refusal, tmp_path, words, reason):
+def test_bad_input_is_refused_in_one_line(refusal, tmp_path, words, reason):
     write(tmp_path, "entries: [{for: 1.0, motor_speed: 10.0}, {for: 1.0, motor_speed: .nan}]\n")
     (tmp_path / "forwards.yaml").write_text("entries: [{hold_speed: 0.05, for: 10.0}]\n")
     assert refusal(controller.main, *words) == reason
@@ -126,7 +126,7 @@ entries:
     assert bag["motor_speed"]["value"][-1] == 0.0
 
 
-def test_each_end_of_a_script_says_what_becomes_of_the_motor(start, bench, tmp_path):
+def test_the_log_says_at_which_speed_a_script_leaves_the_motor(start, bench, tmp_path):
     """The ends are the end of the file, a goal without odometry, an operator who aborts, and a robot that disappears.
     """
     listener = CommandListener(bench)
@@ -170,7 +170,7 @@ def test_each_end_of_a_script_says_what_becomes_of_the_motor(start, bench, tmp_p
                                     "more")
 
 
-def test_what_the_robot_refuses_is_refused_before_the_start_or_ends_the_script(start, bench, tmp_path):
+def test_commands_beyond_the_robots_limits_are_refused_before_the_start_or_end_the_script(start, bench, tmp_path):
     """The limits are those of the robot at each moment; with a timeout the robot receives the motor's command again and
     again.
     """

@@ -43,7 +43,7 @@ def test_the_last_diagnostics_of_a_recording_that_failed_at_its_end_arrive(start
     assert status.message == values["fault"] and "the folder is gone" in status.message
 
 
-def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
+def test_diagnostics_have_the_state_of_simulation_and_recorder(start, listener, bench, tmp_path):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "solver.accounts:=true",
                   "-p", "qos_overrides./motor_speed.subscription.reliability:=best_effort")
     hasty = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -94,7 +94,7 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
     assert {after - stamp for stamp, after in zip(stamps, stamps[1:], strict=False)} == {5_000_000}  # [ns]
 
 
-def test_a_clock_that_was_set_is_named_and_a_pause_beside_it(domain_id, monkeypatch):
+def test_diagnostics_name_a_clock_that_was_set_and_a_pause(domain_id, monkeypatch):
     """The real node and run, with another clock than the computer's, which the test must not set."""
     monkeypatch.setattr(diagnostics, "NEWS", 0.5)  # s
     clock_shift = 0.0
@@ -137,7 +137,7 @@ def test_a_clock_that_was_set_is_named_and_a_pause_beside_it(domain_id, monkeypa
             run.pause()  # which takes the real-time priority away
 
 
-def test_diagnostics_warn_of_what_the_model_may_not_leave_out(start, listener):
+def test_diagnostics_warn_where_the_model_is_not_valid(start, listener):
     start("robot", "--ros-args", "-p", "scene:=machine", "-p", "motor.speed:=100.0", "-p", "body.crank_offset:=0.03",
           "-p", "motor.continuous_current:=0.5")
     status, values = listener.wait_for_status("simulation", lambda status: "the pitch index" in status.message

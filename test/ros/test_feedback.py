@@ -8,7 +8,7 @@ import pytest
 from goal_trial import Samples, Trial
 
 import vibro_ros
-from vibro_ros.ros.controller.feedback import MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
+from vibro_ros.ros.controller.feedback import DEFAULT_MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
 
 RAMP = {"effects.motor": "ramp", "motor.speed": 0.0}  # as the shipped device has it
 TURNS = [(0.0, 0.0), (40.0, 0.7), (75.0, 1.3), (110.0, 2.1)]  # motor speeds [rad/s] and times [s] before the goal
@@ -28,12 +28,12 @@ def pursue(scene: vibro_ros.Scene, goal: Goal, duration: float, reach: float = -
     return trial
 
 
-def hold(speed: float, within: float = 0.005, motor: tuple[float, float] = MOTOR_RANGE) -> SpeedGoal:
+def hold(speed: float, within: float = 0.005, motor: tuple[float, float] = DEFAULT_MOTOR_RANGE) -> SpeedGoal:
     return SpeedGoal(speed, within, motor)
 
 
 def go_to(position: float, within: float = 0.005) -> PositionGoal:
-    return PositionGoal(position, within, MOTOR_RANGE)
+    return PositionGoal(position, within, DEFAULT_MOTOR_RANGE)
 
 
 @pytest.mark.parametrize(("name", "speed", "turn"), [
@@ -52,7 +52,7 @@ def test_a_mean_speed_is_held(name, speed, turn):
 @pytest.mark.parametrize(("name", "way", "within", "turn"), [
     ("device", 0.01, 0.005, TURNS[1]), ("device", 0.5, 0.001, TURNS[3]), ("damped", 0.5, 0.001, TURNS[1]),
     ("damped", 0.01, 0.005, TURNS[3])], ids=str)
-def test_a_position_is_reached_and_stood_at(name, way, within, turn):
+def test_a_position_is_reached_and_the_robot_stops_there(name, way, within, turn):
     target = -0.2 - way  # what comes before makes up to 0.13 m
     trial = pursue(scene(name), go_to(target, within), 40.0, turn=turn)
     position = trial.device.state.body_position
@@ -63,13 +63,13 @@ def test_a_position_is_reached_and_stood_at(name, way, within, turn):
     assert abs(trial.device.state.body_position - position) < 0.1 * within  # it stands
 
 
-def test_a_robot_that_is_there_stays():
+def test_a_robot_at_its_goal_does_not_move():
     trial = pursue(scene("device"), go_to(0.003), 5.0)
     assert set(trial.commands) == {0.0}
     assert trial.took < 1.0
 
 
-def test_a_forward_robot_is_led_forwards():
+def test_a_robot_that_goes_forwards_reaches_its_goals():
     """The odometry is mirrored, so that the backward robot appears to go forwards."""
     trial = pursue(scene("device"), go_to(0.1), 20.0, 0.06, heard=lambda stamp, position: ((stamp, -position),))
     assert trial.device.state.body_position == pytest.approx(-0.1, abs=0.005)
@@ -79,7 +79,7 @@ def test_a_forward_robot_is_led_forwards():
     (go_to(0.5), 30.0, "0.5 m is out of reach: the robot is at 0.0000 m and goes backwards only; give one below that"),
     (go_to(-0.5), 5.0, "-0.5 m is out of reach within 5 s: 0.5000 m at 0.06 m/s take 8.3 s; give more time"),
 ])
-def test_what_cannot_be_reached_is_said_before_anything_moves(goal, duration, reason):
+def test_a_goal_out_of_reach_is_refused_before_the_motor_turns(goal, duration, reason):
     moved = []
 
     def heard(stamp, position):
@@ -98,20 +98,20 @@ def test_what_cannot_be_reached_is_said_before_anything_moves(goal, duration, re
     ([hold(-0.05), go_to(-0.5), go_to(-0.3)],
      "entry 3: go_to: -0.3 m is out of reach after entry 2 went to -0.5 m: the robot goes backwards only; give"),
 ])
-def test_what_a_backward_robot_never_reaches_is_refused_with_the_script(goals, reason):
+def test_goals_against_the_robots_direction_are_refused_with_the_script(goals, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
         check_reach([(str(number), goal) for number, goal in enumerate(goals, 1)], -0.06)
     forwards = [hold(0.05), go_to(0.5), go_to(0.5), go_to(0.7)]
     check_reach([("1", goal) for goal in forwards], 0.06)
 
 
-def test_a_motor_that_is_held_too_slow_is_named():
+def test_the_error_names_a_limit_of_the_motor_that_is_too_low():
     with pytest.raises(GoalError, match=r"-0\.05 m/s not held within 0\.005 m/s: mean speed -0\.00.*; the motor was at "
                                         r"30 rad/s for [0-9.]+ s: the robot goes no faster backwards; give a smaller"):
         pursue(scene("device"), hold(-0.05, motor=(0.0, 30.0)), 10.0)
 
 
-def test_a_robot_that_goes_on_by_itself_is_named():
+def test_a_robot_that_moves_while_its_motor_stands_ends_the_goal():
     """Without damping the masses keep swinging while the motor stands, and the body crawls on."""
     with pytest.raises(GoalError, match="the motor was at 0 rad/s for .* the robot goes no slower"):
         pursue(scene("unilateral"), hold(-0.01), 10.0, turn=(100.0, 2.0))
@@ -119,7 +119,7 @@ def test_a_robot_that_goes_on_by_itself_is_named():
         pursue(scene("unilateral"), go_to(-0.3), 30.0, turn=(100.0, 2.0))
 
 
-def test_a_robot_that_does_not_move_is_given_more_and_then_up():
+def test_a_robot_that_does_not_move_gets_a_faster_motor_and_then_an_error():
     trial = []
     with pytest.raises(GoalError, match="-0.1 m not reached within 8 s: 0.1000 m are left"):
         pursue(scene("device"), go_to(-0.1), 8.0, heard=lambda stamp, position: trial.append(stamp) or ((stamp, 0.0),))
@@ -142,7 +142,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("heard, reason", HOSTILE.values(), ids=HOSTILE)
-def test_odometry_that_cannot_be_believed_ends_the_entry(heard, reason):
+def test_implausible_odometry_ends_the_entry(heard, reason):
     with pytest.raises(GoalError, match=reason):
         pursue(scene("device"), hold(-0.05), 20.0, heard=heard)
 
@@ -160,7 +160,7 @@ def test_a_goal_is_reached_among_bad_samples(goal):
     assert trial.words[-1].startswith(("held", "reached"))
 
 
-def test_an_odometry_that_is_seldom_and_was_reset_is_followed_from_there():
+def test_slow_odometry_that_was_reset_is_followed():
     """A robot that was reset reports its start again: speed control goes on, and a position counts in the new frame."""
     def heard(stamp, position):
         return ((stamp, position + 1.0 if stamp < 8 * 10**9 else position),) if stamp % 200_000_000 == 0 else ()
@@ -169,7 +169,7 @@ def test_an_odometry_that_is_seldom_and_was_reset_is_followed_from_there():
     assert trial.words[-1].startswith("held: mean speed -0.0")
 
 
-def test_stamps_count_whatever_the_time_of_the_controller():
+def test_speeds_are_computed_in_the_time_of_the_stamps():
     """For a robot at half speed the stamps advance half as fast, and the speed is that in the robot's time."""
     trial = pursue(scene("device"), hold(-0.025), 20.0, heard=lambda stamp, position: ((2 * stamp, 2.0 * position),))
     assert trial.words[-1].startswith("held")

@@ -80,7 +80,7 @@ def any_command(chance: random.Random) -> bytes:
     return LITTLE + struct.pack("<d", chance.choice((chance.uniform(-10.0, 510.0), chance.uniform(-0.07, 0.07))))
 
 
-def test_messages_that_are_no_command_and_thousands_at_random_are_refused_counted_said_and_recorded(
+def test_invalid_and_random_commands_are_refused_counted_logged_and_recorded(
         start, listener, bench, tmp_path):
     """What is refused is what an offline device refuses of the recorded messages; what was dropped is not recorded.
     """
@@ -172,7 +172,7 @@ def refused(request, response) -> bool:
     return bool(getattr(getattr(response, "result", None), "error_message", ""))  # of simulation_interfaces
 
 
-def test_every_request_is_answered_every_refusal_counted_and_every_sample_finite(start, bench, request, listener):
+def test_every_hostile_request_is_answered_and_every_sample_is_finite(start, bench, request, listener):
     """Known requests that are refused in known words come first, then random ones to every service."""
     robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
     robot.wait_for("ready")

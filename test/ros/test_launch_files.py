@@ -68,7 +68,7 @@ def test_a_robot_takes_another_programs_time(launch):
 
 
 @with_launch
-def test_two_robots_and_their_controllers_end_without_a_complaint(launch):
+def test_two_robots_and_their_controllers_end_without_a_warning(launch):
     robots = launch("two_robots")
     for name in ("r1", "r2"):
         robots.wait_for(f"[{name}.vibro_controller]: entry 1")
@@ -88,7 +88,7 @@ def test_lock_step_begins_with_the_script_and_ends_with_it(launch, tmp_path, to_
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
-def test_a_launch_file_names_executables_and_files_that_there_are(file):
+def test_executables_and_files_that_a_launch_file_names_exist(file):
     text = file.read_text()
     for package, executable in re.findall(r'package="(\w+)", executable="(\w+)"', text):
         assert package != "vibro_ros" or EXECUTABLES[executable].installed

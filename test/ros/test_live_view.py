@@ -39,7 +39,7 @@ def column(rows: np.ndarray, name: str) -> np.ndarray:
     return rows[:, COLUMNS.index(name)]
 
 
-def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, visit):
+def test_a_page_gets_one_row_for_each_published_sample(start, view, visit):
     page = visit(view)
     start("robot", *CRAWL, "-p", "scene:=machine")  # with a dc motor, whose voltage and current are shown, too
     robot = page.wait_for_robot(name="/vibro_robot")
@@ -63,7 +63,7 @@ def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, vis
     stop(view)
 
 
-def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit, bench):
+def test_pages_command_the_robot_and_get_its_answers(start, view, visit, bench):
     speeds = [float("nan")]  # of the crank
     bench.node.create_subscription(JointState, "joint_states", lambda message: speeds.append(message.velocity[0]), 10)
     start("robot", *CRAWL)
@@ -100,7 +100,7 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     bench.spin_until(lambda: speeds[-1] == 0.0, "nobody is left who could stop the motor")
 
 
-def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again_and_a_second_one_of_its_name_is_not_drawn(
+def test_a_restarted_robot_is_shown_again_and_two_robots_of_one_name_are_not(
         udp_only, start, view, visit, domain_id):
     page = visit(view)
     page.wait_for_absence(f"no robot /vibro_robot, nor another one, in ROS domain {domain_id}; start one there")
@@ -158,7 +158,7 @@ NUMBERS = np.array([(-1) ** i * (i + 1) / 7.0 for i in range(len(FIELDS))])
 GOOD = RobotMessages(vibro_ros.load_scene("machine")).whole_sample(NUMBERS, START, 12.5)
 
 
-def test_every_number_is_what_the_robot_wrote_in_any_byte_order():
+def test_samples_are_read_exactly_in_both_byte_orders():
     store, expected = jazzy_types(), NUMBERS.copy()
     expected[TIME] = 12.5  # robot time, not the device's
     other_order = store.serialize_cdr(store.deserialize_cdr(GOOD, KIND), KIND, little_endian=False)
@@ -185,11 +185,11 @@ def changed(**fields: object) -> bytes:
     changed(body_position=np.nan), changed(electrical_power=np.inf), changed(time=-1.0), changed(time=LONGEST_RUN),
     changed(start_seconds=-1.0), changed(start_seconds=2.0**31), changed(start_nanoseconds=float(SECOND)),
     changed(start_seconds=np.nan)])
-def test_what_is_no_sample_is_left_out(bad):
+def test_invalid_samples_are_left_out(bad):
     assert read_sample(bad) is None
 
 
-def test_one_change_of_start_is_another_run_and_two_are_two_robots():
+def test_one_change_of_the_start_time_is_a_restart_and_two_are_two_robots():
     now = [0.0]
     runs = Runs(lambda: now[0])
     assert not runs.restarted([7, 7, 7], [40.0, 41.0, 42.0])
@@ -247,7 +247,7 @@ def both(bench):
     return Both(bench)
 
 
-def test_a_motor_that_a_page_commanded_stops_when_the_pages_have_gone_and_no_other_one(both):
+def test_a_motor_stops_when_the_pages_that_commanded_it_are_closed(both):
     device = both.commands
     both.page(50.0)
     assert device.of_page and not device.stop_if_alone(1, 0.0)
@@ -272,7 +272,7 @@ def test_a_motor_that_a_page_commanded_stops_when_the_pages_have_gone_and_no_oth
     both.wait_for(0.0)
 
 
-def test_a_robot_with_a_timeout_hears_the_page_s_command_again_and_again(both, bench):
+def test_a_pages_command_is_repeated_for_a_robot_with_a_timeout(both, bench):
     both.page(50.0)
     for number in range(3):
         both.now += 0.2
@@ -305,7 +305,7 @@ def strange_messages(chance: random.Random) -> list[tuple[str, bytes]]:
     return messages
 
 
-def test_strangers_change_nothing(start, bench, view, visit):
+def test_messages_of_other_programs_change_nothing(start, bench, view, visit):
     chance, page = random.Random(17), visit(view)
     start("robot", *CRAWL)
     page.wait_for_robot()
@@ -333,7 +333,7 @@ def test_strangers_change_nothing(start, bench, view, visit):
     assert len(view.lines) < 200  # a flood does not fill the log
 
 
-def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench, visit):
+def test_a_node_with_the_robots_name_that_is_no_robot_is_not_shown(start, bench, visit):
     """A node with the robot's name whose parameters are not a robot's is not drawn, and the page says why."""
     view = start("live_view", "--port", "0", "--robot", "bench")
     page = visit(view)
@@ -346,7 +346,7 @@ def test_a_node_of_the_robot_s_name_that_is_none_is_not_shown(start, bench, visi
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def test_a_signal_at_any_instant_of_the_start_ends_it_well(start):
+def test_a_signal_at_any_instant_of_the_start_ends_the_view_cleanly(start):
     view, number = start("view", "--port", "0"), random.choice(SIGNALS)
     time.sleep(random.uniform(0.1, 1.5))  # the instant is by chance
     view.send(number)
@@ -355,7 +355,7 @@ def test_a_signal_at_any_instant_of_the_start_ends_it_well(start):
         assert code in (0, -number) and "Traceback" not in view.text, view.text
 
 
-def test_many_signals_end_it_well_with_pages_open(start, view, visit):
+def test_many_signals_end_the_view_cleanly_with_pages_open(start, view, visit):
     pages = [visit(view) for _ in range(3)]
     start("robot", *CRAWL)
     for page in pages:
@@ -374,7 +374,7 @@ def test_many_signals_end_it_well_with_pages_open(start, view, visit):
     (["--address", "192.0.2.1", "--port", "0"], "--address 192.0.2.1: nothing can listen there"),
     (["--robot", "1bad", "--port", "0"], "--robot 1bad: no node's name; give one such as /r1/vibro_robot"),
 ])
-def test_what_is_wrong_is_one_line(refusal, monkeypatch, words, line):
+def test_a_wrong_argument_is_refused_in_one_line(refusal, monkeypatch, words, line):
     monkeypatch.setattr("os.nice", lambda _: None)  # or all tests that follow would be nice
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -383,7 +383,7 @@ def test_what_is_wrong_is_one_line(refusal, monkeypatch, words, line):
         assert refusal(live_view.main, *(words or ["--port", port])).startswith(f"view: {line.format(port=port)}")
 
 
-def test_it_may_serve_others_and_opens_a_browser_whose_command_line_tells_no_token(start, visit, tmp_path, monkeypatch):
+def test_a_view_for_other_machines_warns_and_no_command_line_has_the_token(start, visit, tmp_path, monkeypatch):
     browser, heard = tmp_path / "browser", tmp_path / "heard"
     browser.write_text(f'#!/bin/sh\necho "$1" > {heard}.part; mv {heard}.part {heard}\n')
     browser.chmod(0o700)

@@ -66,7 +66,7 @@ def caught(raising) -> tuple[Refusals, Log]:
     return refusals, log
 
 
-def test_what_rclpy_raises_is_a_refusal():
+def test_an_exception_of_rclpy_is_a_refusal():
     def raising() -> None:
         raise ValueError("Seconds value must\nnot be negative")
 
@@ -75,7 +75,7 @@ def test_what_rclpy_raises_is_a_refusal():
     assert log.lines == [("warning", "/lab/motor_speed: refused: ValueError: Seconds value must not be negative")]
 
 
-def test_what_this_packages_own_code_raises_is_an_error_to_report():
+def test_an_exception_of_this_package_is_an_error_to_report():
     refusals, log = caught(lambda: peer_text(None))
     assert (refusals.count, refusals.failures) == (0, 1)
     ((kind, text),) = log.lines
@@ -84,7 +84,7 @@ def test_what_this_packages_own_code_raises_is_an_error_to_report():
     assert "AttributeError: 'NoneType' object has no attribute 'split'; please report it" in text
 
 
-def test_a_flood_is_counted_and_said_seldom():
+def test_a_flood_is_counted_and_rarely_logged():
     log = Log()
     refusals = Refusals(lambda: log)
     for _ in range(1000):
@@ -148,7 +148,7 @@ def test_a_message_whose_publisher_came_and_left_between_two_polls_arrives(bench
     assert len(taken) == 3
 
 
-def test_commands_are_recorded_in_the_order_of_arrival_and_of_a_flood_the_last_ones_stand(bench):
+def test_commands_are_recorded_in_order_of_arrival_and_a_flood_keeps_its_last_ones(bench):
     scene = vibro_ros.load_scene("device")
     device, commands, recorded = vibro_ros.Simulator(scene), CommandSubscriptions(bench.node, scene), []
     publishers = bench.publishers({"motor_speed": Float64, "upper_gap": Float64}, depth=1000)

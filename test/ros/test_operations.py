@@ -53,7 +53,7 @@ def assert_replays(folder: Path, samples: int, commands: int = 0) -> None:
     assert comparison.commands >= commands
 
 
-def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_last_bit(start, bench, call, tmp_path):
+def test_a_run_with_every_operation_replays_to_the_last_bit(start, bench, call, tmp_path):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
     operator = Operator(bench)
     operator.wait_for_robot()
@@ -100,7 +100,7 @@ def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_las
     assert_replays(folder, 180)
 
 
-def test_a_set_that_breaks_a_limit_changes_nothing_and_a_bag_begun_after_changes_replays_from_its_checkpoint(
+def test_a_refused_set_changes_nothing_and_a_bag_begun_later_replays_from_its_checkpoint(
         start, bench, call, listener, record, tmp_path):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
     operator = Operator(bench)
@@ -133,7 +133,7 @@ def test_a_set_that_breaks_a_limit_changes_nothing_and_a_bag_begun_after_changes
     assert_replays(folder, 50)
 
 
-def test_clock_says_the_time_of_each_sample_and_what_follows_a_reset_has_the_bits_of_what_follows_another(
+def test_clock_has_the_time_of_each_sample_and_resets_give_the_same_bits(
         start, bench, call, tmp_path):
     robot = start("robot", "--ros-args", "-p", "clock.publish:=true", "-p", "use_sim_time:=true", "-p",
                   "rate.publish:=50.0", "-p", "motor.speed:=100.0", "-p", "rate.real_time_factor:=0.5")
@@ -169,7 +169,7 @@ def test_clock_says_the_time_of_each_sample_and_what_follows_a_reset_has_the_bit
     assert_replays(folder, 30)
 
 
-def test_the_motor_stops_when_commands_stay_away_and_replay_knows_when(start, bench, listener, tmp_path):
+def test_the_motor_stops_without_commands_at_the_same_instant_as_in_the_replay(start, bench, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "command.timeout:=0.1")
     operator = Operator(bench)
     operator.wait_for_robot()
@@ -187,7 +187,7 @@ def test_the_motor_stops_when_commands_stay_away_and_replay_knows_when(start, be
     assert_replays(folder, 40)
 
 
-def test_operations_are_answered_at_the_lowest_rate_too_and_signals_heard(start, call):
+def test_operations_and_signals_work_at_the_lowest_rate(start, call):
     robot = start("robot", "--ros-args", "-p", "rate.publish:=0.1", "-p", "motor.speed:=50.0")
     robot.wait_for("ready")
     assert "the sample at 10 s of robot time" in done(call(Trigger, "reset"))  # long before that sample
@@ -212,7 +212,7 @@ def let(call):
     return let_one
 
 
-def test_a_run_through_a_state_a_push_and_faults_replays_to_the_last_bit(start, bench, call, let, listener, tmp_path):
+def test_a_run_with_a_state_a_push_and_faults_replays_to_the_last_bit(start, bench, call, let, listener, tmp_path):
     robot = start(*RUNNING)
     operator = Operator(bench)
     operator.wait_for_robot()
@@ -257,7 +257,7 @@ def test_a_run_through_a_state_a_push_and_faults_replays_to_the_last_bit(start, 
     assert_replays(folder, 60)
 
 
-def test_what_cannot_be_is_refused_in_the_device_s_words_and_the_robot_is_an_entity_with_a_state(
+def test_impossible_disturbances_are_refused_and_the_robot_has_an_entity_state(
         start, bench, call, let, types, tmp_path):
     robot = start("robot", "--ros-args", "-p", "frame_prefix:=r1/", "-p", "motor.speed:=50.0")
     operator = Operator(bench)
@@ -305,7 +305,7 @@ def test_what_cannot_be_is_refused_in_the_device_s_words_and_the_robot_is_an_ent
     assert_replays(folder, 5)
 
 
-def test_a_script_lets_the_robot_fail_and_ends_where_it_refuses(start, let, tmp_path):
+def test_a_script_starts_faults_and_ends_where_the_robot_refuses_one(start, let, tmp_path):
     robot = start(*RUNNING)
     robot.wait_for("ready")
     (tmp_path / "script.yaml").write_text("""

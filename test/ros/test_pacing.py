@@ -35,7 +35,7 @@ def pacing(clock: Clock, factor: float = 1.0) -> Pacing:
 
 
 @pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
-def test_oversleeping_does_not_drift(factor: float):
+def test_late_wake_ups_do_not_add_up(factor: float):
     clock = Clock(oversleep=0.0004)
     paced = pacing(clock, factor)
     for tick in range(1, 2001):
@@ -46,7 +46,7 @@ def test_oversleeping_does_not_drift(factor: float):
     assert (paced.stalls, paced.dropped) == (0, 0.0)
 
 
-def test_a_short_stall_is_made_good_without_sleep():
+def test_a_short_stall_is_caught_up_without_sleep():
     clock = Clock()
     paced = pacing(clock)
     clock.time += 0.09
@@ -58,7 +58,7 @@ def test_a_short_stall_is_made_good_without_sleep():
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0])
-def test_a_long_stall_is_dropped_from_simulated_time_and_never_burst(factor: float):
+def test_a_long_stall_is_dropped_from_simulated_time(factor: float):
     clock = Clock()
     paced = pacing(clock, factor)
     paced.wait_until(TICK)
@@ -151,7 +151,7 @@ def test_stamps_grow_by_a_period_through_resets_and_the_device_begins_at_0(rate:
     assert stamps == [17 + round(tick / rate * 1e9) for tick in range(1000)]
 
 
-def test_the_watchdog_counts_from_the_last_command_that_took_effect():
+def test_the_command_timeout_counts_from_the_last_accepted_command():
     device, watchdog, accepted = vibro_ros.Simulator(vibro_ros.load_scene("device")), CommandTimeout(0.5, ""), Counter()
     assert not watchdog.is_over(10.0, accepted, device)  # a motor that nobody asked to turn needs no stop
     device.command(motor_speed=50.0)
@@ -163,7 +163,7 @@ def test_the_watchdog_counts_from_the_last_command_that_took_effect():
     assert watchdog.count == 1
 
 
-def test_a_motor_that_turns_from_the_start_is_watched_from_the_start():
+def test_the_command_timeout_counts_from_the_start():
     device = vibro_ros.Simulator(vibro_ros.load_scene("paper"))
     watchdog = CommandTimeout(0.5, "")
     assert not watchdog.is_over(0.49, Counter(), device)

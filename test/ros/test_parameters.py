@@ -95,7 +95,7 @@ REFUSED = (
 )
 
 
-def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_is_described(start, parameters):
+def test_wrong_parameters_are_refused_with_the_remedy_and_every_parameter_is_described(start, parameters):
     """The robot is started with another scene, an integer where a floating-point number is required, and a changed
     default.
     """
@@ -122,7 +122,7 @@ def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_i
     stop(robot)
 
 
-def test_one_file_is_one_robot_by_every_road_and_a_dump_is_taken_back(start, parameters, tmp_path):
+def test_a_parameter_file_gives_the_same_robot_by_every_route_and_a_dump_is_accepted(start, parameters, tmp_path):
     """The file is given by `--params-file`, by the parameter `scene` and to `load_scene`; a dump, which also has
     rclpy's own parameters, is accepted.
     """
@@ -214,7 +214,7 @@ def test_rcl_reads_the_same_from_a_file(text, tmp_path, domain_id):
     "/**:\n  ros__parameters: {a: 1}\n  vibro_robot:\n    ros__parameters: {b: 1}\n",
     section("/**", "a: 1") + "  b: 1\n", "- a\n", "a: [1\n", section("/**", "a: b: c"),
 ], ids=range(14))
-def test_what_rcl_refuses_is_refused_by_every_road(text, tmp_path, domain_id):
+def test_files_that_rcl_refuses_are_refused_by_every_route(text, tmp_path, domain_id):
     file = tmp_path / "file.yaml"
     file.write_text(text)
     with pytest.raises(ValueError, match=str(file)):

@@ -83,7 +83,7 @@ entries:
     assert clock.heard == [10.0, 10.0, 15.0, 20.0, 25.0, 40.0]
 
 
-def test_times_that_are_none_and_a_pause_are_no_error_and_an_abort_stops_the_motor(start, clock, tmp_path):
+def test_invalid_times_and_a_pause_are_no_error_and_an_abort_stops_the_motor(start, clock, tmp_path):
     controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 10.0}]\n"), *SIMULATED)
     controller.wait_for("use_sim_time: ")  # nothing is sent before there is a time
     clock.wait_for_controller()
@@ -114,7 +114,7 @@ def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, clock, t
     assert clock.heard == [10.0, 0.0]
 
 
-def test_what_is_due_is_done_before_the_next_request_is_answered(bench):
+def test_a_due_action_runs_before_the_next_request_is_answered(bench):
     """Both run in one process, so that the order is visible: at every answer after a new time but the first, the
     commands that are due at that time have been sent.
     """
@@ -149,7 +149,7 @@ def test_what_is_due_is_done_before_the_next_request_is_answered(bench):
         assert done.index(tick) < done.index(f"{tick} {BARRIER - 1}"), tick
 
 
-def test_time_between_two_instants_is_never_beyond_the_second(domain_id):
+def test_time_passed_to_meanwhile_never_exceeds_the_next_instant(domain_id):
     """When the clock was read twice, one wait in fifty reported a time after the instant."""
     told: list[float] = []
     schedule = [(5e-4 * k, partial(told.append, 5e-4 * k)) for k in range(3000)]

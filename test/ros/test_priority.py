@@ -12,7 +12,7 @@ from asking import answer_of, set_parameter
 from observation import stop
 from std_srvs.srv import SetBool
 
-from vibro_ros.ros.robot.pacing import ALLOW, NICENESS, POLICY, PRIORITY
+from vibro_ros.ros.robot.pacing import NICENESS, POLICY, PRIORITY, PRIORITY_REMEDY
 
 BUSY, CROWDED = 15, 10.0  # busy processes, and the time [s] beside them
 STARTED = os.getpriority(os.PRIO_PROCESS, 0)  # niceness of the tests; a robot takes no priority if it is not 0
@@ -37,13 +37,13 @@ def policies(robot) -> set[int]:
     return {os.sched_getscheduler(int(thread.name)) for thread in Path(f"/proc/{robot.pid}/task").iterdir()}
 
 
-def test_a_robot_that_is_nice_goes_before_nobody(start, listener):
+def test_a_robot_started_with_a_niceness_keeps_it(start, listener):
     robot = start("robot", wrapper=("nice", "-n", "3"))
     listener.spin_for_samples(20)
     assert policies(robot) == {os.SCHED_OTHER}
 
 
-def test_a_robot_that_runs_or_steps_as_fast_as_it_can_steps_back_and_paced_again_goes_before(start, bench, listener):
+def test_only_a_robot_paced_in_real_time_has_priority(start, bench, listener):
     robot = start("robot")
     listener.spin_for_samples(20)
     first = POLICY if may_go_before_others() else os.SCHED_OTHER
@@ -56,19 +56,19 @@ def test_a_robot_that_runs_or_steps_as_fast_as_it_can_steps_back_and_paced_again
         assert policies(robot) == {os.SCHED_OTHER if paused else first}
 
 
-def test_a_robot_without_the_priority_says_at_its_first_stall_how_to_allow_it(start, listener):
+def test_the_first_stall_names_how_to_allow_the_priority(start, listener):
     robot = start("robot", wrapper=REFUSED if may_go_before_others() else ())
     listener.spin_for_samples(20)
     assert policies(robot) == {os.SCHED_OTHER}
     robot.send(signal.SIGSTOP)
     time.sleep(0.5)  # the stall itself
     robot.send(signal.SIGCONT)
-    remedy = f"run in time; {'' if STARTED else ALLOW}leave it a core, or raise rate.max_catch_up"
+    remedy = f"run in time; {'' if STARTED else PRIORITY_REMEDY}leave it a core, or raise rate.max_catch_up"
     assert remedy in robot.wait_for("stalled: ")
     stop(robot)
 
 
-def test_without_the_policy_a_process_goes_before_ordinary_ones_and_steps_back_in_a_pause():
+def test_without_the_policy_an_unpaused_robot_gets_a_lower_niceness():
     """Where `ulimit -e` allows it; the policy is refused as in a group of processes without real-time budget."""
     program = """
 import os, threading

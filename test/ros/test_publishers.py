@@ -61,7 +61,7 @@ def assert_header(header, stamp: int, frame: str) -> None:
 
 @pytest.mark.parametrize("name", shipped_scenes())
 @pytest.mark.parametrize("prefix", ["", "ä", "r1/", "abcd"])  # of which each moves what follows by some bytes
-def test_every_topic_says_what_its_fields_are_for_any_numbers(name, prefix):
+def test_every_message_has_the_numbers_of_its_sample(name, prefix):
     scene, variances = load_scene(name), (list(range(6)), ())
     messages = RobotMessages(scene, prefix, NONE, variances)
     for values, stamp in random_cases(len(prefix), 15):
@@ -108,7 +108,7 @@ def test_every_message_has_the_bytes_of_rosbags(name):
             assert data == serialised(deserialised(data, kind), kind), topic
 
 
-def test_a_template_of_numbers_that_are_changed_on_the_way_is_refused():
+def test_a_template_that_would_change_numbers_is_refused():
     message = new_message("geometry_msgs/msg/Vector3")
 
     def fill(numbers):
@@ -118,7 +118,7 @@ def test_a_template_of_numbers_that_are_changed_on_the_way_is_refused():
         Template([(message, "geometry_msgs/msg/Vector3")], fill, 2)
 
 
-def test_impacts_push_their_plates_outwards_and_measurements_have_their_own_stamps_fields_and_variances():
+def test_impacts_and_measurements_have_their_own_stamps_and_fields():
     scene = load_scene("machine").with_parameters(SENSORS)
     messages, ((values, stamp),) = RobotMessages(scene, "r1/", NONE), random_cases(5, 1)
     read_by = {"imu": np.arange(1.0, 9.0), "encoder": np.array([1.5, 2.5]), "current": np.array([1.5, 30.0]),
@@ -179,7 +179,7 @@ def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench,
     assert [(topic, data) for topic, _, data in recorded] == [(f"{namespace}/{name}", data) for name, data in expected]
 
 
-def test_whoever_listens_to_samples_gets_every_quantity_under_its_name(bench):
+def test_a_subscriber_of_samples_gets_every_quantity_by_its_name(bench):
     publishing, heard = RobotPublishers(bench.node, load_scene("machine")), []
     bench.node.create_subscription(Float64MultiArray, "bench/samples", heard.append, 10)
     ((values, _),) = random_cases(3, 1)
@@ -201,7 +201,7 @@ def test_whoever_listens_to_samples_gets_every_quantity_under_its_name(bench):
     assert bits(list(sample.values())) == bits(values[1:])
 
 
-def test_a_row_of_the_table_is_a_message_that_can_be_made():
+def test_every_row_of_the_table_makes_a_message():
     """Each path of a row is a field of the message, and each source is a field of a sample."""
     messages = RobotMessages(load_scene("machine").with_parameters(SENSORS), "", ALL)
     assert set(messages.topics) == {name for name, topic in TOPICS.items() if topic.when in ("sample", "event", "once")}

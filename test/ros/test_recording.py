@@ -23,7 +23,7 @@ from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.recover import recover
-from vibro_ros.ros.robot.recording import Plan, Recording, offer_recovery, plan_recording
+from vibro_ros.ros.robot.recording import Plan, Recording, handle_unsealed_bags, plan_recording
 from vibro_ros.ros.robot.run import RobotPublishers
 
 DESCRIPTION = "/robot_description"
@@ -41,7 +41,7 @@ def topics_of_a_robot(bench) -> dict[str, str]:
     return RobotPublishers(bench.node, vibro_ros.Scene()).topics | {name: f"/{name}" for name in COMMAND_UNITS}
 
 
-def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_begins_with_the_urdf(
+def test_recording_is_sealed_and_begun_on_request_and_every_file_begins_with_the_urdf(
         start, listener, record, tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.max_duration:=0.2", "-p", "motor.speed:=60.0")
     listener.spin_for_samples(100)
@@ -83,30 +83,30 @@ def test_recording_is_sealed_and_begun_on_request_and_every_file_of_every_bag_be
     ({"record.topics": ()}, "record.topics: [] names no topic; give [all], some of odom, joint_states"),
     ({"record.max_size": 5.0}, "record.max_size: 5 is too small; give 0 for no limit, or at least 100000 bytes"),
 ], ids=["topic", "no topic", "size"])
-def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
+def test_impossible_recordings_are_refused(bench, wrong, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
         plan_recording(SETTINGS | wrong, topics_of_a_robot(bench), {})
 
 
-def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, topics, tmp_path, monkeypatch):
+def test_unsealed_bags_are_sealed_on_request(bench, topics, tmp_path, monkeypatch):
     folder = tmp_path / "vibro_robot_1"
     writer = BagWriter(folder, defined(topics), {}, Storage())
     writer.write(topics[0].name, 1, bytes(100))
     writer.flush()
-    offer_recovery(tmp_path, True, bench.node.get_logger())
+    handle_unsealed_bags(tmp_path, True, bench.node.get_logger())
     assert not (folder / "metadata.yaml").exists()  # it is in use
     writer.abandon()
-    offer_recovery(tmp_path, False, bench.node.get_logger())
+    handle_unsealed_bags(tmp_path, False, bench.node.get_logger())
     assert not (folder / "metadata.yaml").exists()
     said = []
     log = SimpleNamespace(warning=said.append, error=said.append)
     with locked(folder), monkeypatch.context() as patch:  # another robot that starts at once seals it
         patch.setattr("vibro_ros.ros.robot.recording.unsealed_bags", lambda *_: [folder])
-        offer_recovery(tmp_path, True, log)
+        handle_unsealed_bags(tmp_path, True, log)
     assert said == []
-    offer_recovery(tmp_path, False, log)
+    handle_unsealed_bags(tmp_path, False, log)
     assert said[0].startswith(f"{folder}: not sealed, its robot was killed; seal it with `recover")
-    offer_recovery(tmp_path, True, bench.node.get_logger())
+    handle_unsealed_bags(tmp_path, True, bench.node.get_logger())
     assert stamps_of(folder, topics[0].name) == [1]
 
 
@@ -122,7 +122,7 @@ def test_a_caller_begins_one_bag_a_second_at_most(bench, topics, tmp_path):
 
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 @pytest.mark.quiet
-def test_a_full_disk_is_told_once_and_recording_resumes_when_there_is_room(start, listener, record, tmp_path):
+def test_a_full_disk_is_logged_once_and_recording_resumes_when_there_is_room(start, listener, record, tmp_path):
     robot = start("robot")
     listener.spin_for_samples(50)
     resource.prlimit(robot.pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))  # [bytes] no write succeeds

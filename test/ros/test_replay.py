@@ -52,7 +52,7 @@ def test_the_storage_makes_no_difference(recorded, tmp_path, capsys):
     assert again == capsys.readouterr().out
 
 
-def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(udp_only, start, bench, tmp_path, capsys):
+def test_a_killed_robots_bag_is_replayed_to_its_end(udp_only, start, bench, tmp_path, capsys):
     """Sample times that are no whole nanoseconds, three times real time, remapped topics, and files of half a second.
     """
     bag = record_run(start, bench, tmp_path, "rate.publish:=333.0", "rate.real_time_factor:=3.0", "scene:=unilateral",
@@ -160,7 +160,7 @@ CHANGES = {  # a change, how many messages the bag says were dropped, the exit c
 
 
 @pytest.mark.parametrize("change, dropped, code, words", CHANGES.values(), ids=CHANGES)
-def test_what_was_changed_is_named(recorded, tmp_path, capsys, change, dropped, code, words):
+def test_the_changed_message_is_named(recorded, tmp_path, capsys, change, dropped, code, words):
     assert replay.main([str(rewritten(recorded, tmp_path / "changed", change, dropped=str(dropped)))]) == code
     out = capsys.readouterr().out
     assert not [text for text in words if text not in out], out

@@ -29,7 +29,7 @@ def raw_messages(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
     return messages
 
 
-def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, bench, tmp_path):
+def test_the_robot_moves_as_simulated_and_its_bag_has_every_message(start, bench, tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.directory:=bags")
     operator = Operator(bench)
     operator.wait_for_robot()
@@ -80,7 +80,7 @@ def two(start):
     return robots
 
 
-def test_each_hears_its_own_commands_and_is_known_by_its_own_names(two, bench, tmp_path):
+def test_robots_in_namespaces_get_their_own_commands_and_names(two, bench, tmp_path):
     frames: dict[str, set[str]] = {name: set() for name in SPEEDS}
     names: set[str] = set()
     power: dict[str, float] = {}
@@ -121,7 +121,7 @@ SPEED = 100.0  # rad/s
 MOVED = 0.005  # m, backwards, before the test is content
 
 
-def test_it_commands_the_robot_and_reads_the_odometry_that_the_bag_holds(udp_only, start, bench, tmp_path):
+def test_the_controller_commands_the_robot_and_reads_its_odometry(udp_only, start, bench, tmp_path):
     """Afterwards the peer is killed, which the robot does not notice."""
     pytest.importorskip("cyclonedds", reason="cyclonedds, of the extra `test`, is installed by `make test`")
     peer = start(str(Path(__file__).with_name("cyclone_peer.py")), repr(SPEED))

@@ -45,7 +45,7 @@ BAD = {  # what a parameter of the table can be refused for, test/model asks
 
 
 @pytest.mark.parametrize("words, reason", BAD.values(), ids=BAD)
-def test_bad_words_and_files_are_one_line_and_exit_code_2(refusal, tmp_path, words, reason):
+def test_bad_arguments_and_files_give_one_line_and_exit_code_2(refusal, tmp_path, words, reason):
     (tmp_path / "malformed.yaml").write_text("/**:\n  ros__parameters:\n    mass: [1,\n")
     (tmp_path / "other.yaml").write_text("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n")
     (tmp_path / "mixed.yaml").write_text(
@@ -80,7 +80,7 @@ def test_a_robot_that_cannot_be_secured_does_not_start(start, tmp_path):
     assert_refused(line, "robot: ROS refuses the arguments: ")
 
 
-def test_what_the_middleware_finds_wrong_is_a_line_of_the_log(start):
+def test_warnings_of_the_middleware_are_lines_of_the_log(start):
     started = start("robot", wrapper=["env", "FASTRTPS_DEFAULT_PROFILES_FILE=none.xml",
                                      "RMW_FASTRTPS_PUBLICATION_MODE=pigeons"])
     started.wait_for("ready")
@@ -136,7 +136,7 @@ def test_an_argument_of_ros_outside_ros_args_is_shown_as_it_is_written(words, re
     "odom:=/diagnostics": "odom: has the name /diagnostics, which stands for something else; remap it",
     f"odom:={'a' * 300}": "odom: its full name is too long; give a namespace or a remapping that leaves it at most 247",
 }.items(), ids=["two", "taken", "long"])
-def test_names_that_cannot_be_told_apart_are_refused(rule, words, domain_id):
+def test_ambiguous_and_reserved_names_are_refused(rule, words, domain_id):
     context = Context()
     rclpy.init(args=["--ros-args", "-r", "__ns:=/lab", "-r", rule], context=context)
     node = Node("vibro_robot", context=context)

@@ -56,7 +56,7 @@ class TopicSystem:
         self._publisher.publish(message)
 
 
-def test_hardware_by_topics_drives_the_robot_absurd_commands_are_refused_and_the_run_replays(start, bench, listener,
+def test_topic_based_hardware_drives_the_robot_and_the_run_replays(start, bench, listener,
                                                                                              tmp_path):
     robot = start("robot", "--ros-args", "-p", "ros2_control:=true", "-p", "command.timeout:=0.5", "-r",
                   "joint_states:=robot_joint_states")

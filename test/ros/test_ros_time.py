@@ -42,7 +42,7 @@ def publish(bench) -> Callable[..., None]:
     return until
 
 
-def test_it_says_what_it_waits_for_and_a_signal_ends_the_wait(start, tmp_path):
+def test_the_wait_for_time_is_logged_and_ended_by_a_signal(start, tmp_path):
     robot = start("robot", *SIMULATED)
     for seconds in (0, 2):
         robot.wait_for(f"waiting for the first time on /clock ({seconds} s; nobody publishes it); start a simulator")
@@ -126,7 +126,7 @@ def test_two_runs_of_a_node_with_a_timer_have_bags_with_the_same_messages(start,
     assert stamps == [20_000_000 * k for k in range(1, 101)]  # [ns] each command at the very time of its timer
 
 
-def test_it_stands_still_for_a_node_that_is_not_there_and_says_so_and_hears_signals(start, bench, resume):
+def test_lock_step_waits_for_a_missing_node_and_obeys_signals(start, bench, resume):
     robot = lock_stepped(start, "/nobody")
     clocks: list[Clock] = []
     bench.node.create_subscription(Clock, "/clock", clocks.append, 10)

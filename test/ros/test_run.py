@@ -46,7 +46,7 @@ def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
     assert len(run.device.take_events()) == 0  # each tick took what had come, so that a long run keeps none
 
 
-def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch):
+def test_requests_are_answered_when_the_run_fails(bench, monkeypatch):
     """Otherwise a robot that waits for these answers before it seals the bag would wait for ever."""
     run = run_of(bench, lambda *_: None, rate_start_paused=True)
 
@@ -63,7 +63,7 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
             run.reset()
         bench.spin_until(waiting.done, "the answer of the steps")
     assert str(waiting.exception()) == ENDED and str(run.error) == "no start"
-    for ask in (run.reset, lambda: run.begin_steps(1), run.look):
+    for ask in (run.reset, lambda: run.begin_steps(1), run.stamped_state):
         with pytest.raises(RuntimeError, match=ENDED):
             ask()
 
@@ -97,7 +97,7 @@ def test_each_operation_leads_to_the_state_that_the_table_of_transitions_names(b
         assert run.is_ending
 
 
-def test_a_crank_that_spins_too_fast_is_named_and_the_robot_hears_signals(start, bench):
+def test_a_crank_that_spins_too_fast_is_logged_and_signals_are_obeyed(start, bench):
     """The winding keeps the current for a second, because a robot that spins for 20 ms may make good its lateness."""
     types = pytest.importorskip("vibro_ros_interfaces.srv", reason="types are not built: no compiler")
     words = ("scene:=machine", "motor.winding_inductance:=1.0", "motor.crank_inertia:=0.00005", "rate.publish:=100.0",
@@ -115,7 +115,7 @@ def test_a_crank_that_spins_too_fast_is_named_and_the_robot_hears_signals(start,
     bench.node.destroy_client(client)
 
 
-def test_a_crank_that_spins_and_is_slow_again_within_one_tick_is_named(bench):
+def test_a_crank_that_spins_within_one_tick_is_logged(bench):
     scene = vibro_ros.load_scene("machine").with_parameters({"motor.winding_inductance": 0.001,
                                                              "motor.crank_inertia": 5e-5})
     run = run_of(bench, lambda *_: None, scene, rate_publish=20.0, rate_real_time_factor=1.0, rate_max_catch_up=0.0)
@@ -126,7 +126,7 @@ def test_a_crank_that_spins_and_is_slow_again_within_one_tick_is_named(bench):
         bench.spin_until(lambda: any("because the crank spins at " in line for line in lines), "the cause")
 
 
-def test_stalls_are_told_when_they_begin_and_then_once_a_minute_with_their_cause():
+def test_stalls_are_logged_at_first_and_then_once_a_minute_with_their_cause():
     clock, lines = [100.0], []
     report = StallReport(lines.append, lambda: clock[0])
     clock[0] += 10.0

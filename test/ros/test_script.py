@@ -46,7 +46,7 @@ entries:
     assert instants_of(played, 2.0) == [0.0, 0.5, 1.0, 1.5, 2.0, 2.0, 2.5, 3.0]
 
 
-def test_at_places_an_entry_and_ends_the_one_before(tmp_path):
+def test_at_sets_the_start_of_an_entry_and_the_end_of_the_previous_one(tmp_path):
     played = script(tmp_path, """
 entries:
   - {at: 1.0, motor_speed: 10.0}
@@ -75,7 +75,7 @@ entries:
     assert played.command_at(7.75) == {"motor_speed": 15.0}
 
 
-def test_goals_are_read_with_what_is_left_out(tmp_path):
+def test_goals_are_read_with_their_defaults(tmp_path):
     played = script(tmp_path, """
 entries:
   - {hold_speed: -0.05, for: 10.0, upper_gap: 0.001, note: steady}

@@ -26,7 +26,7 @@ MACHINE = ("scene:=machine", "motor.control:=voltage", "motor.winding_inductance
            f"odom.pose_covariance_diagonal:={VARIANCES[:6]}", f"odom.twist_covariance_diagonal:={VARIANCES[6:]}")
 
 
-def test_a_sensed_machine_driven_by_volts_is_identical_in_its_replay_and_another_seed_is_another_noise(
+def test_a_machine_with_sensors_replays_identically_and_another_seed_gives_other_noise(
         start, bench, call, tmp_path, capsys):
     """The bag also has the refused commands: every speed, and voltages above the supply's or not finite."""
     imu_messages: list[Imu] = []
@@ -79,7 +79,7 @@ def test_a_sensed_machine_driven_by_volts_is_identical_in_its_replay_and_another
 
 
 @pytest.mark.process
-def test_a_run_without_sensors_is_sensed_in_its_replay(recorded, capsys):
+def test_a_replay_can_add_sensors_to_a_run(recorded, capsys):
     assert not set(SENSOR_TOPICS.values()) & {topic[1:] for topic in read_bag(recorded).topics}
     assert replay.main([str(recorded), "--set", "sensors.imu.rate=500.0"]) == 0
     folder = capsys.readouterr().out.splitlines()[-1]

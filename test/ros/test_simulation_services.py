@@ -73,7 +73,7 @@ def test_features_states_steps_and_resets_are_as_the_definitions_say(simulator, 
     assert len([stamp for stamp in stamps_of(bag) if stepped < stamp <= resumed]) == 7
 
 
-def test_the_robot_is_the_one_entity_that_filters_choose_or_not(simulator, types, call):
+def test_the_robot_is_the_only_entity_and_filters_apply(simulator, types, call):
     msg = types.msg
     robot, human = (msg.EntityCategory(category=number) for number in (
         msg.EntityCategory.CATEGORY_ROBOT, msg.EntityCategory.CATEGORY_HUMAN))
@@ -97,7 +97,7 @@ def test_the_robot_is_the_one_entity_that_filters_choose_or_not(simulator, types
     assert call(types.srv.GetEntityInfo, "get_entity_info", entity="arm").result.result == Code.NOT_FOUND
 
 
-def test_many_steps_hold_nobody_up_tell_how_far_they_are_can_be_cancelled_and_are_answered_when_the_robot_ends(
+def test_many_steps_give_feedback_block_no_service_and_can_be_cancelled(
         simulator, listener, tmp_path):
     simulator.become(State.PAUSED)
     begun = time.monotonic()
@@ -145,7 +145,7 @@ def test_many_steps_hold_nobody_up_tell_how_far_they_are_can_be_cancelled_and_ar
     assert replay.main([str(tmp_path / whole_bag(simulator.robot))]) == 0
 
 
-def test_a_callback_that_fails_is_answered_all_the_same(types):
+def test_a_request_whose_callback_fails_is_answered(types):
     async def fail(request, response):
         raise KeyError("nobody foresaw it")
 

@@ -67,7 +67,7 @@ def test_closing_the_robots_terminal_seals_the_bag(domain_id, tmp_path):
     assert len(read_bag(folder)["odom"]["time"])
 
 
-def test_a_reader_that_goes_does_not_end_the_robot(domain_id, tmp_path, bench):
+def test_a_closed_pipe_does_not_end_the_robot(domain_id, tmp_path, bench):
     robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot.robot"], cwd=tmp_path, stdout=subprocess.PIPE,
                              stderr=subprocess.STDOUT, text=True)
     try:
@@ -89,7 +89,7 @@ def test_a_reader_that_goes_does_not_end_the_robot(domain_id, tmp_path, bench):
     assert read_bag(folder)["motor_speed"]["value"].tolist() == [-501.0]
 
 
-def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypatch, capfd):
+def test_the_wait_for_a_robot_is_logged_repeatedly(bench, monkeypatch, capfd):
     monkeypatch.setattr(player, "REPORT_PERIOD", 0.05)
     publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
     with StopRequest() as request, pytest.raises(RuntimeError) as error:
@@ -110,7 +110,7 @@ def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypat
     ("HOME", None, "HOME is not set"),
     ("ROS_LOG_DIR", "/dev/null/logs", "/dev/null/logs: Not a directory"),
 ])
-def test_a_node_without_a_place_for_its_log_runs_all_the_same(domain_id, monkeypatch, capfd, variable, value, reason):
+def test_a_node_without_a_log_folder_runs(domain_id, monkeypatch, capfd, variable, value, reason):
     monkeypatch.delenv("ROS_LOG_DIR", raising=False)
     monkeypatch.delenv("ROS_HOME", raising=False)
     monkeypatch.setenv(variable, value) if value else monkeypatch.delenv(variable)

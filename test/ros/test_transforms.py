@@ -40,7 +40,7 @@ def offered(bench, topic: str) -> list[tuple[ReliabilityPolicy, DurabilityPolicy
     return [(publisher.qos_profile.reliability, publisher.qos_profile.durability) for publisher in publishers]
 
 
-def test_whoever_comes_late_hears_every_frame_and_the_robots_own_urdf_under_the_names_that_were_given(
+def test_late_subscribers_get_every_frame_and_the_urdf_by_the_given_names(
         start, bench, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "frame_prefix:=r1/", "-p", "guide.angle:=1.3", "-r", "/tf:=/lab/tf",
                   "-r", "/tf_static:=/lab/tf_static", "-p", "record.topics:=[tf, /lab/tf_static]")
@@ -60,7 +60,7 @@ def test_whoever_comes_late_hears_every_frame_and_the_robots_own_urdf_under_the_
         assert compare(stream).difference is None
 
 
-def test_beside_a_robot_state_publisher_it_says_where_the_base_is_and_no_more(start, bench, listener, tmp_path):
+def test_beside_a_robot_state_publisher_only_the_base_is_published(start, bench, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "tf.publish:=base")
     listener.spin_for_samples(20)
     assert spin_for_tf(bench, "/tf", 20) == {"base_link": "odom"}
@@ -72,7 +72,7 @@ def test_beside_a_robot_state_publisher_it_says_where_the_base_is_and_no_more(st
     assert replay.main([str(folder)]) == 0
 
 
-def test_a_robot_without_tf2_msgs_and_simulation_interfaces_says_so_once_and_does_all_else(start, listener, tmp_path,
+def test_a_robot_without_optional_packages_logs_it_once_and_runs(start, listener, tmp_path,
                                                                                           monkeypatch):
     for package in (tmp_path / "shadow" / "tf2_msgs", tmp_path / "shadow" / "simulation_interfaces"):
         package.mkdir(parents=True)

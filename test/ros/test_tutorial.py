@@ -45,7 +45,7 @@ def run(tmp_path):
     return run_one
 
 
-def test_the_page_is_what_a_student_sees(start, run, tmp_path):
+def test_the_tutorial_shows_the_real_output(start, run, tmp_path):
     sessions = dict(SESSIONS)
     assert sessions.pop("make demo") == ""  # which test_demo.py runs
     commands = list(sessions)

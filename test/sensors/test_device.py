@@ -155,7 +155,7 @@ def test_faults():
     assert offset[10:] == healthy[45:]
 
 
-def test_a_fault_that_cannot_be_is_refused():
+def test_an_impossible_fault_is_refused():
     device = device_with({"sensors.encoder.rate": 100.0})
     for arguments, words in ((("sensor_dropout", 1.0, "imu"), "the sensor imu is off; give encoder"),
                              (("sensor_dropout", 1.0), "of: "), (("sensor_melt", 1.0, "encoder"), "choose one of"),
@@ -191,8 +191,8 @@ def test_hostile_times_and_parameters():
             load_scene("device").with_parameters(changes)
 
 
-def test_every_sensor_has_its_place_everywhere():
-    of_sensors = {name: fault for name, fault in faults.FAULTS.items() if fault.befalls == faults.SENSORS}
+def test_every_sensor_has_a_row_in_every_table():
+    of_sensors = {name: fault for name, fault in faults.FAULTS.items() if fault.affects == faults.SENSORS}
     assert set(of_sensors) == set(FAULTS) and {fault.of for fault in of_sensors.values()} == {tuple(KINDS)}
     assert set(SENSOR_TOPICS) == set(KINDS)
     assert {name.split(".")[1] for name in BY_NAME if name.startswith("sensors.") and name.endswith(".rate")} == set(

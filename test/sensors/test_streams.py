@@ -24,7 +24,7 @@ def test_random123s_known_answers(words, answer):
     assert [f"{word:016x}" for word in philox(joined(words[4:]), joined(words[:4]), 1)[0]] == answer.split()
 
 
-def test_a_sample_does_not_depend_on_those_that_were_asked_for_before():
+def test_a_sample_does_not_depend_on_earlier_reads():
     forwards, jumping = BlockNumbers(Stream(3, "a").walk), BlockNumbers(Stream(3, "a").walk)
     indices = [0, 1, BLOCK - 1, BLOCK, 5 * BLOCK + 7, 2 * BLOCK]
     assert [jumping[index] for index in reversed(indices)] == [forwards[index] for index in indices][::-1]

@@ -62,7 +62,7 @@ def peak_memory(function):
         tracemalloc.stop()
 
 
-def test_time_alone_takes_no_memory():
+def test_memory_does_not_grow_with_time():
     """A run of 1000 s that is sampled once and has no events takes the memory of a run of 10 s. The run is made in one
     part, because a busy machine makes more parts, and Python keeps some objects of each part for the next ones.
     """

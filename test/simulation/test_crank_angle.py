@@ -18,7 +18,7 @@ def machine(**changes):
     return vibro_ros.load_scene("machine").with_parameters({"motor.speed": 100.0} | changes)
 
 
-def test_an_angle_is_passed_by_the_device_that_runs_on():
+def test_the_angle_is_reached_at_the_instant_of_an_uninterrupted_run():
     """The device's bits do not change, and the angle is met to rounding, whatever the crank does before."""
     of = machine(**SOMMERFELD, **{"motor.voltage": 40.0, "motor.speed": 0.0})
     device, other = vibro_ros.Simulator(of), vibro_ros.Simulator(of)
@@ -33,7 +33,7 @@ def test_an_angle_is_passed_by_the_device_that_runs_on():
     assert device.advance_to_angle(3, 1.0) and device.time == time  # gone by already
 
 
-def test_an_angle_that_is_not_reached_is_told_and_impossible_ones_are_refused():
+def test_an_unreached_angle_returns_false_and_impossible_ones_are_refused():
     """2 V turn a crank without load, but not against the pressed masses."""
     device = vibro_ros.Simulator(machine(**{"motor.control": "voltage", "motor.voltage": 2.0, "motor.speed": 0.0}))
     assert not device.advance_to_angle(1, 0.0, latest=1.0) and device.time == 1.0
@@ -44,7 +44,7 @@ def test_an_angle_that_is_not_reached_is_told_and_impossible_ones_are_refused():
 
 
 @pytest.mark.parametrize(("value", "expected"), [(0.1, 0.10050506338833465), (-2.0, -1.0), (5.0, None)])
-def test_the_first_of_several_places_is_found(value, expected):
+def test_the_first_of_several_roots_is_found(value, expected):
     """x - x³ from -0.577 on rises to 0.385 at 0.577 and falls again, so it passes a value more than once."""
     place = first_reached(np.array([0.0, 1.0, 0.0, -1.0]), value, -0.55 if value > 0.0 else -1.0, 1.0)
     assert place == (expected if expected is None else pytest.approx(expected, abs=1e-2))

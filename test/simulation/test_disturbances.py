@@ -66,7 +66,7 @@ def test_the_momentum_of_a_body_that_is_thrown_up_is_the_push_s_and_gravity_s():
     assert momentum() - momentum_before == pytest.approx(change, abs=1e-12)
 
 
-def test_what_failed_follows_its_last_command_afterwards():
+def test_a_part_follows_its_last_command_after_a_fault():
     device = running("device")
     device.fail("motor_stall", 1.0)
     device.fail("plate_stuck", 1.0, of="inclined")
@@ -81,7 +81,7 @@ def test_what_failed_follows_its_last_command_afterwards():
     assert device.state.inclined_plate_position == device.scene["crank.inclined_rod"] + 0.001
 
 
-def test_a_duration_of_zero_and_a_reset_end_what_lasts():
+def test_a_duration_of_zero_and_a_reset_end_disturbances():
     device, untouched = running("damped"), running("damped")
     for which in (lambda: device.push(0.0), lambda: device.fail("motor_stall", 0.0), device.reset):
         device.push(5.0, force_x=1.0)
@@ -122,7 +122,7 @@ def patch(**changes: object) -> dict[str, object]:
         ({"of": "upper"}, "of: 'upper' has no friction_patch; give nothing"),
         ({"fault": "motor_stall", "value": 0.0, "from_x": 1.0, "to_x": 0.0}, "from_x: 1 is out of range"),
         ({"duration": 0.0, "value": 0.0}, "to_x: 1 is out of range")))])
-def test_what_cannot_be_is_refused_and_changes_nothing(ask, words: str):
+def test_an_impossible_disturbance_is_refused_and_changes_nothing(ask, words: str):
     device = running("unilateral", effects__reaction=True)
     device.advance_to(0.1)
     with refused(device, words):

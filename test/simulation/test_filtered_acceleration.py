@@ -111,7 +111,7 @@ def test_no_filter_by_steps_of_fixed_length():
         Simulator(load_scene("paper").with_parameters({"solver.method": "rk4"}), BANDWIDTH)
 
 
-def test_whoever_reads_the_energy_leaves_the_filter_alone():
+def test_reading_the_energy_does_not_change_the_filter():
     """To read the accounts, the mode is ended in a copy of the state, so the filters of the device do not change."""
     scene = load_scene("device").with_parameters({"motor.speed": 100.0, "solver.accounts": True})
     device, left_alone = Simulator(scene, BANDWIDTH), Simulator(scene, BANDWIDTH)

@@ -27,7 +27,7 @@ def running(name: str, **changes) -> vibro_ros.Simulator:
 
 
 @pytest.mark.parametrize("name", [name for name in shipped_scenes() if name != "machine"])  # whose controller remembers
-def test_the_state_that_a_device_has_leads_where_the_device_goes(name):
+def test_a_device_given_the_state_of_another_moves_like_it(name):
     """A device that is given another device's state continues like that device: at 200 instants, in flight, on plates
     and in the air, from 0.3 s on, when a ramp has reached its speed.
     """
@@ -47,7 +47,7 @@ def test_the_state_that_a_device_has_leads_where_the_device_goes(name):
             assert getattr(other.state, field) == pytest.approx(getattr(there.state, field), abs=scale), (time, field)
 
 
-def test_a_method_of_fixed_step_goes_on_from_it():
+def test_a_method_of_fixed_step_continues_from_a_given_state():
     device = running("damped", **{"solver.method": "rk4", "solver.step": 1e-6})
     device.advance_to(0.2)
     device.set_state(upper_position=0.05, crank_angle=7.0, body_velocity=0.1)
@@ -61,7 +61,7 @@ def test_a_method_of_fixed_step_goes_on_from_it():
     assert device.state.upper_position == pytest.approx(exact.state.upper_position, abs=2e-4)
 
 
-def test_what_is_not_given_keeps_its_bits():
+def test_fields_that_are_not_given_keep_their_bits():
     device, other = running("device"), running("device")
     for each in (device, other):
         each.advance_to(1.2345)
@@ -173,7 +173,7 @@ def test_a_state_that_the_device_reaches_can_be_given():
 
 
 @pytest.mark.parametrize(("given", "words"), REFUSED)
-def test_what_cannot_be_is_refused_and_changes_nothing(given, words):
+def test_an_impossible_state_is_refused_and_changes_nothing(given, words):
     device = vibro_ros.Simulator(vibro_ros.load_scene("rigid").with_parameters({"effects.normal_force": "unilateral"}))
     device.advance_to(0.5)
     with refused(device, re.escape(words)):
@@ -186,7 +186,7 @@ def scene_of(name, **start):
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_with_every_number_0_it_is_the_start_zero_bit_for_bit(name):
+def test_a_given_start_of_zeros_is_the_start_zero_bit_for_bit(name):
     given, zero = (vibro_ros.Simulator(scene_of(name).with_parameters({
         "start.state": state})) for state in ("given", "zero"))
     assert_go_on_alike(given, zero, 0.5)
@@ -195,7 +195,7 @@ def test_with_every_number_0_it_is_the_start_zero_bit_for_bit(name):
 
 
 @pytest.mark.parametrize("method", ["exact", "rk4"])
-def test_every_method_begins_there(method):
+def test_every_method_begins_at_the_given_start(method):
     """With a standing crank, a mass of the frequency W that starts d from its slider at speed v moves by d cos Wt + v/W
     sin Wt.
     """
@@ -229,7 +229,7 @@ def test_a_body_thrown_up_flies_a_parabola_and_reset_throws_it_again():
      "start.upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most 0.06 m"),
     ({"start.body_height": 0.1}, "start.body_height: 0.1 m, but it stays 0 in this scene; leave it out, or give 0"),
     ({"effects.upper_mass": False, "start.upper_velocity": 1.0}, "start.upper_velocity: 1 m/s, but it stays 0")])
-def test_what_cannot_be_is_refused(changes, words):
+def test_an_impossible_start_is_refused(changes, words):
     with pytest.raises(ValueError, match=words):
         scene_of("rigid").with_parameters(changes)
     assert scene_of("rigid").with_parameters(changes | {name: 0.0 for name in changes if name.startswith("start.")})

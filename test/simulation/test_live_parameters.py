@@ -80,7 +80,7 @@ def test_a_body_that_sticks_slips_when_the_floor_becomes_smoother():
      "motor_speed", {0.25: 100.0 * -np.expm1(-1.0), 0.31: 100.0 * -np.expm1(-4.0)}),
     ({}, {"upper_gap": 0.002}, {"gap_actuator.speed": 0.001},
      "upper_plate_position", {0.25: 0.06125, 0.35: 0.06135, 1.0: 0.062})], ids=["ramp", "lag", "plate"])
-def test_what_is_on_its_way_goes_on_with_the_new_parameter(start, command, change, field, values):
+def test_a_ramp_in_progress_continues_with_the_new_parameter(start, command, change, field, values):
     """The parameter is changed at 0.25 s, while motor and plate still move."""
     device = running("damped", motor__speed=0.0, **start)
     device.command(**command)

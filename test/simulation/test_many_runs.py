@@ -191,7 +191,7 @@ def ending():
     (lambda: ["paper"], {}, 0, TypeError, "scene 0: 'paper' is not a Scene; vibro_ros.load_scene makes one"),
     (ending, {}, 3, KeyError, "no more")], ids=["root", "command", "result", "name", "iterable"])
 @pytest.mark.parametrize("workers", [1, 2])
-def test_what_fails_is_named_and_the_results_before_it_are_not_lost(
+def test_a_failing_scene_is_named_after_all_results_before_it(
         lost_roots, workers, scenes, arguments, done, error, message):
     runs = vibro_ros.simulate_many(scenes(), **{**SHORT, "workers": workers, **arguments})
     assert [next(runs).time[-1] for _ in range(done)] == done * [0.05]
@@ -216,7 +216,7 @@ def test_workers_work_at_the_same_time():
     assert len(pids) == 100 and len(set(pids)) == 4 and os.getpid() not in pids
 
 
-def test_a_worker_that_is_killed_while_it_hands_over_is_an_error_and_no_hang():
+def test_a_worker_killed_while_sending_a_result_is_an_error_and_no_hang():
     """Results of 37 MB are being transferred for most of the time."""
     for delay in (0.02, 0.05, 0.1):
         runs = vibro_ros.simulate_many(sweep(scene="no_impact"), duration=2.0, rate=1e5, workers=2)

@@ -25,19 +25,19 @@ def differences(changes=None, without=()):
     return notes(stream, RecordedRun({}, DEVICE, 0, topics))
 
 
-def test_every_entry_is_told_and_nothing_differs_from_itself():
+def test_provenance_has_every_entry_and_equals_itself():
     told = provenance.provenance(DEVICE.parameters, 0)
     assert ENTRIES | {"tables"} <= set(told) and all(told.values())
     assert differences() == []
 
 
 @pytest.mark.parametrize("key", sorted(ENTRIES | {"tables"}))
-def test_a_replay_names_what_differs(key):
+def test_a_replay_names_the_entries_that_differ(key):
     (note,) = differences({key: "another"})
     assert note.startswith(f"recorded with {key.replace('_', ' ')} another, replayed with ")
 
 
-def test_an_older_bag_says_nothing_of_what_differs():
+def test_a_replay_of_an_older_bag_names_the_missing_entries():
     (note,) = differences(without={"sources", "tables"})
     assert note == ("the bag does not say its sources, tables: where they differ, "
                     "bits may")
@@ -68,7 +68,7 @@ def test_sources_are_of_every_module_that_a_simulator_needs():
     assert modules == {name for room, name in provenance._MODULES if room == "simulation"}
 
 
-def test_the_seed_of_all_that_is_random_is_told():
+def test_provenance_has_the_seed():
     scene = DEVICE.with_parameters({"sensors.imu.rate": 200.0, "sensors.seed": 7.0})
     assert provenance.provenance(scene.parameters, 0)["seed"] == "7"
 

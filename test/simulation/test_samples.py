@@ -10,7 +10,7 @@ from vibro_ros.simulation.samples import FIELDS, resets
 @pytest.mark.parametrize("rate", [200.0, 10.0])
 @pytest.mark.parametrize(("name", "changes"), [
     ("device", {}), ("damped", {"effects.motor": "lag", "motor.time_constant": 0.05}), ("damped", {}), ("machine", {})])
-def test_resets_are_told_whichever_way_the_crank_runs(name, changes, rate):
+def test_resets_are_detected_for_both_directions_of_the_crank(name, changes, rate):
     """Commands one second apart that reverse the crank are not taken for resets; resets on either side of the start
     angle are recognised.
     """
@@ -29,7 +29,7 @@ def test_resets_are_told_whichever_way_the_crank_runs(name, changes, rate):
     assert np.flatnonzero(reset_after).tolist() == wanted[:-1]
 
 
-def test_a_run_is_a_line_and_a_table():
+def test_a_run_has_a_repr_of_one_line_and_a_table():
     pandas = pytest.importorskip("pandas")
     run = vibro_ros.simulate(vibro_ros.load_scene("damped"), duration=0.5, rate=100.0)
     contacts = np.count_nonzero(run.events["kind"] == "upper_contact")

@@ -74,7 +74,7 @@ def test_commands_and_samples_at_the_instant_of_an_event():
     np.testing.assert_allclose(finals, finals[0], rtol=0, atol=1e-12)
 
 
-def test_a_plate_called_away_lets_go_at_once():
+def test_a_plate_commanded_away_releases_its_mass_at_once():
     """Without tension: at the instant of the command the damper would pull with c E' = 1 N, which must not appear."""
     for instant in np.linspace(0.04, 0.06, 60) * math.pi / 3:
         made = device(RAMP | {"effects.adhesion": False, "upper.gap": 0.0199, "upper.plate.damping": 100.0,
@@ -151,7 +151,7 @@ DC = {"effects.motor": "dc", "motor.control_rate": 400.0}
     {}, *({"solver.method": method, "solver.step": 1e-4} for method in sorted(SCHEMES)),
     *(DC | {"motor.control": law} for law in ("voltage", "speed_by_voltage", "speed_by_current"))],
     ids=lambda changes: "-".join(map(str, changes.values())))
-def test_a_checkpoint_that_no_device_made_ends_no_process(changes):
+def test_a_forged_checkpoint_is_refused_without_a_crash(changes):
     """A bag may have any numbers: each number of a checkpoint in turn, those of faults, filters and controllers
     included, is not finite or far beyond the tables. A refused checkpoint changes nothing; with an accepted one the
     device goes on, or fails with an error that names the checkpoint.

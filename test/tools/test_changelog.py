@@ -22,7 +22,7 @@ def test_the_top_entry_is_the_packages_version():
     assert interfaces.findtext("version") == PACKAGE.findtext("version")
 
 
-def test_versions_fall_and_each_tells_of_its_bits():
+def test_versions_descend_and_each_states_whether_bits_changed():
     numbers = [tuple(map(int, name.split("."))) for name, _ in ENTRIES]
     assert len(numbers) > 1 and numbers == sorted(set(numbers), reverse=True)
     for name, text in ENTRIES:

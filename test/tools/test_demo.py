@@ -56,7 +56,7 @@ def ends_leaving_nothing(demo: Executable) -> int:
     return code
 
 
-def test_it_moves_its_own_robot_and_reports(demo, start, tmp_path, domain_id, monkeypatch):  # noqa: F811
+def test_the_demo_moves_its_own_robot_and_reports(demo, start, tmp_path, domain_id, monkeypatch):  # noqa: F811
     """Another robot runs in the same domain, such as that of `make view`, and receives none of the demonstration's
     commands.
     """
@@ -95,7 +95,7 @@ def test_a_robot_that_dies_is_a_failure(demo):
     assert "Traceback" not in shown.text
 
 
-def test_stopping_it_stops_everything_and_seals_the_bag(demo, tmp_path):
+def test_stopping_the_demo_stops_everything_and_seals_the_bag(demo, tmp_path):
     shown = demo("entries: [{for: 1000.0, motor_speed: 100.0}]\n")
     shown.wait_for("entry 1")
     shown.send(signal.SIGTERM)
@@ -107,7 +107,7 @@ def test_stopping_it_stops_everything_and_seals_the_bag(demo, tmp_path):
 
 @pytest.mark.parametrize("chosen, used", [
     ({}, "LOCALHOST"), ({"ROS_DOMAIN_ID": "7"}, "LOCALHOST"), ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, "SUBNET")])
-def test_the_user_decides_who_may_meet_whom(monkeypatch, chosen, used):
+def test_the_users_domain_and_discovery_range_are_kept(monkeypatch, chosen, used):
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DOMAIN_ID"):
         monkeypatch.delenv(name, raising=False)
     for name, value in chosen.items():
@@ -118,7 +118,7 @@ def test_the_user_decides_who_may_meet_whom(monkeypatch, chosen, used):
     assert 1 <= int(environment["ROS_DOMAIN_ID"]) <= 101
 
 
-def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path, domain_id):
+def test_make_view_serves_the_page_and_an_interrupt_ends_all(tool, tmp_path, domain_id):
     """Ctrl-C in a terminal goes to all three processes at once."""
     demo = tool("tools.demo", "look", "--port", "0")
     demo.wait_for("ready: 200 Hz")
@@ -134,7 +134,7 @@ def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path, domain_id)
     assert list((tmp_path / "out").iterdir()) == []  # nothing is recorded unless somebody asks
 
 
-def test_when_one_of_them_is_killed_the_other_ends(tool):
+def test_the_view_ends_when_the_robot_is_killed(tool):
     demo = tool("tools.demo", "look", "--port", "0")
     demo.wait_for("view: http://")
     below = children(demo)

@@ -36,7 +36,7 @@ def says(checkout: Path) -> str:
                           capture_output=True).stdout
 
 
-def test_an_environment_works_on_where_the_new_one_fails(checkout):
+def test_a_failed_set_up_leaves_the_old_environment_working(checkout):
     """The interpreter is missing or too old, or pip fails after the new environment has been made."""
     (checkout / "old").write_text("#!/bin/sh\n[ $1 = -V ] && exec echo Python 3.8.10\nexit 1\n")
     (checkout / "old").chmod(0o755)
@@ -47,7 +47,7 @@ def test_an_environment_works_on_where_the_new_one_fails(checkout):
         assert (checkout / ".venv" / "kept").exists() and says(checkout) == "works\n"
 
 
-def test_an_environment_is_exchanged_for_one_whose_scripts_run(checkout):
+def test_an_environment_is_replaced_only_by_a_working_one(checkout):
     """The new one has the sets that the old one had, so that tests and studies run on."""
     for lock in ("run.txt", "jazzy.txt", "jazzy-types.txt", "study.txt"):
         (checkout / "requirements" / lock).write_text("# nothing\n")

@@ -22,7 +22,7 @@ def test_a_file_is_what_make_docs_writes(name):
     assert shipped == robot_description(load_scene(name)), "run `make documents`"
 
 
-def test_any_scene_is_written_where_it_is_asked_for(tmp_path, capsys):
+def test_any_scene_is_written_to_the_given_path(tmp_path, capsys):
     scene = tmp_path / "steep.yaml"
     scene.write_text("/**:\n  ros__parameters:\n    guide.angle: 1.4\n")
     assert main([str(scene), "--output", str(tmp_path / "new")]) == 0

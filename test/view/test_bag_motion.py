@@ -46,7 +46,7 @@ def run_with(last, *acts):
     return Samples(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
 
 
-def test_a_controller_that_takes_more_samples_than_a_page_can_show_is_said_to(tmp_path):
+def test_a_page_says_that_a_controller_samples_too_fast_to_be_shown(tmp_path):
     scene = vibro_ros.load_scene("machine").with_parameters({
         "motor.control_rate": 25_000.0, "motor.proportional_gain": 1.0})
     motion, _ = read(robot_bag(tmp_path / "bag", scene, 121, COMMANDS, RATE))
@@ -89,7 +89,7 @@ def test_a_reset_begins_another_motion(tmp_path):
     assert np.isnan(motion.at(np.array([100.5 / RATE]))["body_position"]).all()
 
 
-def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_commands(tmp_path):
+def test_changed_parameters_a_command_timeout_and_refused_commands_are_exact(tmp_path):
     told = {0: {"motor_speed": 90.0}, 60: 'set {"ground.friction": 0.05, "motor.acceleration": 50.0}',
             80: {"motor_speed": 130.0}, 120: {"motor_speed": 1e9}, 150: "timeout", 160: "pause", 170: "nonsense"}
     motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
@@ -146,7 +146,7 @@ def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
     assert_is_run(motion, Samples(**{name: values[run.time >= 110 / RATE] for name, values in vars(run).items()}))
 
 
-def test_before_the_first_checkpoint_and_after_a_lost_command_it_is_interpolated_and_says_so(tmp_path):
+def test_motion_before_the_first_checkpoint_and_after_a_lost_command_is_interpolated(tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(200,))
     motion, _ = read(rewritten(whole, tmp_path / "late", lambda messages: edit_each(
         lambda message: None if message[:2] == ("/motor_speed", START + round(230 / RATE * 1e9)) else message)(
@@ -178,7 +178,7 @@ def test_one_recorded_position_that_differs_ends_the_exact_motion(tmp_path):
 
 
 @pytest.mark.parametrize("without", ["/odom", "/joint_states"])
-def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
+def test_either_topic_of_the_state_is_enough(without, tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE)
     motion, _ = read(rewritten(whole, tmp_path / "other", without_topics(without)))
     assert motion.header["exact"]
@@ -220,7 +220,7 @@ def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolate
     assert far < 1e-3  # rad, by a cubic over the motor's ramp and its end
 
 
-def test_a_gap_in_what_is_interpolated_stays_one(unknown):
+def test_a_gap_is_not_interpolated(unknown):
     _, bag = unknown
     motion, _ = read(bag(edit_each(lambda message: None if 0.3 < (message[1] - START) * 1e-9 < 0.5 else message)))
     x = motion.at(np.array([0.2, 0.29, 0.4, 0.49, 0.51]))["upper_position"]
@@ -235,7 +235,7 @@ def test_a_bag_without_state_is_refused_in_one_line(tmp_path):
         bag_motion(other)
 
 
-def test_a_minute_of_the_device_is_small_and_progress_is_told(tmp_path):
+def test_a_minute_of_the_device_is_small_and_progress_is_reported(tmp_path):
     """The page of a minute of chaos, the most eventful of the shipped scenes, is smaller than 10 MB."""
     folder, shares = robot_bag(tmp_path / "bag", "unilateral", 60 * 50 + 1, {}, 50.0), []
     _, header, payload = bag_motion(folder, shares.append)
@@ -244,7 +244,7 @@ def test_a_minute_of_the_device_is_small_and_progress_is_told(tmp_path):
     assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) > 20
 
 
-def test_what_does_not_fit_into_a_page_is_left_out_and_said(tmp_path, monkeypatch):
+def test_motion_beyond_the_limit_of_a_page_is_left_out_with_a_note(tmp_path, monkeypatch):
     monkeypatch.setattr("vibro_ros.view.view.LARGEST", 30_000)
     motion, setting = read(robot_bag(tmp_path / "bag", "device", 1001, {0: {"motor_speed": 100.0}}, RATE))
     header = motion.header

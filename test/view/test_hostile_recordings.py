@@ -46,7 +46,7 @@ def test_stamps_of_another_time(recorded, tmp_path, from_stamp, known):
 
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("value", [np.nan, -1e300])
-def test_a_position_that_is_none(recorded, tmp_path, value, known):
+def test_a_position_that_is_not_finite(recorded, tmp_path, value, known):
     def spoil(odometry):
         odometry.pose.pose.position.x = value
 
@@ -89,7 +89,7 @@ def test_hardly_any_samples(tmp_path, ticks):
 
 @pytest.mark.parametrize("method, most, is_exact", [
     ("exact", 2000, True), ("rk4", 2000, True), ("rk4_located", 2000, True), ("rk4", 0, False)])
-def test_a_method_whose_steps_are_too_many_is_said_to_be_drawn_less_finely(
+def test_a_note_says_that_a_method_with_many_steps_is_drawn_coarsely(
         tmp_path, monkeypatch, method, most, is_exact):
     monkeypatch.setattr(motion_document, "MOST_OF_STEPS", most)
     scene = vibro_ros.load_scene("device").with_parameters({"solver.method": method})

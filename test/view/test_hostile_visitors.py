@@ -48,7 +48,7 @@ def is_served(view) -> bool:
     return view.address.ask().status == 200
 
 
-def test_one_view_and_all_its_rude_visitors(view, tmp_path):
+def test_a_view_survives_every_hostile_client(view, tmp_path):
     """One process meets all rude visitors in turn; none of them may affect the next."""
     the_page_is_for_who_knows_the_token(view)
     the_page_tells_the_browser_to_trust_nobody_else(view)

@@ -127,7 +127,7 @@ def shows_slow_motion_of_the_last_second(page) -> None:
 
 
 @pytest.mark.quiet  # beside three other tests its page falls behind the robot by more than the test waits
-def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_force(start, view, open_page, bench,
+def test_the_robot_does_what_a_page_requests_and_the_page_shows_the_commands_in_force(start, view, open_page, bench,
                                                                                   tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
     heard: list[float] = []
@@ -278,7 +278,7 @@ def stands_still(page) -> bool:
     return drawn(page)["time"] == time_before
 
 
-def test_a_robot_that_comes_late_and_another_one_after_it_are_shown_and_a_view_that_is_killed_costs_them_nothing(
+def test_robots_that_start_later_are_shown_and_survive_a_killed_view(
         udp_only, start, view, page, watch):
     page.goto(view.address.url)
     until(page, lambda page: page.is_visible("#absent") and "robot" in page.inner_text("#absent"), "no robot yet")

@@ -40,7 +40,7 @@ def random_motion(pieces=40, quantities=3, gap_after=20):
     return writer.document({"exact": False, "why": "invented", "exact_spans": [], "impacts": [], "resets": []})
 
 
-def test_a_motion_is_what_the_reader_in_python_says(modules):
+def test_the_motion_reader_agrees_with_the_reader_in_python(modules):
     header, payload = random_motion()
     motion = MotionDocument(header, payload)
     times = np.random.default_rng(6).uniform(*motion.borders[7], 50)
@@ -73,7 +73,7 @@ def test_ticks_are_round(modules):
         assert ticks == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-def test_an_axis_stays_while_it_serves(modules):
+def test_an_axis_changes_only_when_its_data_no_longer_suit_it(modules):
     first = modules.call("text", "return m.axisRange(null, 1.2, 8.7, 1);")
     assert first == {"low": 0, "high": 10}
     assert modules.call("text", "return m.axisRange(v[0], 2, 9.5, 1);", first) == first
@@ -99,7 +99,7 @@ def test_a_sample_buffer_keeps_the_newest_rows(modules):
     assert kept["points"] == [400, 441, 484, 529, 576]
 
 
-def test_of_many_samples_in_a_pixel_the_extremes_are_drawn(modules):
+def test_the_extremes_of_many_samples_in_a_pixel_are_drawn(modules):
     values = np.random.default_rng(8).normal(size=1000)
     rows = np.stack([np.arange(1000) * 1e-3, values], axis=1).ravel().tolist()
     points = modules.call("samples", """
@@ -118,7 +118,7 @@ TYPED = {
                      "4,5 rad/s", "-", "e5"))}
 
 
-def test_a_number_is_what_people_type_and_never_another_one(modules):
+def test_typed_numbers_are_read_exactly_or_refused(modules):
     numbers = modules.call("knobs", """return v[0].map((typed) => {
         const number = m.numberOf(typed);
         return Number.isNaN(number) ? null : number;
@@ -136,7 +136,7 @@ def test_csv_has_the_last_rows_with_all_their_digits(modules):
     assert [[float(word) for word in line.split(",")] for line in lines] == rows[-60:, :2].tolist()
 
 
-def test_the_mean_speed_begins_at_a_reset_and_leaves_out_what_is_not_known(modules):
+def test_the_mean_speed_begins_at_a_reset_and_skips_unknown_spans(modules):
     """Six seconds at 10 mm/s, the last one with the crank turning backwards, then back at the start, then two at
     -20 mm/s."""
     times = np.arange(0.0, 8.001, 0.01)
@@ -167,7 +167,7 @@ def test_the_mean_speed_begins_at_a_reset_and_leaves_out_what_is_not_known(modul
         assert at[late].min() == pytest.approx(6.1, abs=0.021)  # a shorter mean would be that of a part of a turn
 
 
-def test_curve_and_path_of_a_motion_break_where_nothing_was_recorded_and_else_are_what_it_is(modules):
+def test_curve_and_path_follow_the_motion_and_break_at_gaps(modules):
     header, payload = random_motion()
     motion = MotionDocument(header, payload)
     points, curve = modules.call("motion", BUFFER + """

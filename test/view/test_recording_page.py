@@ -43,7 +43,7 @@ def test_the_file_lies_beside_the_recording_and_may_be_written_again(bag, file):
     assert view.write_page(bag) == file and file.read_bytes() == content_before
 
 
-def test_what_is_drawn_is_where_the_simulator_says_that_it_was(opened):
+def test_the_drawing_agrees_with_the_simulator(opened):
     for moment in np.random.default_rng(4).uniform(0.0, SECONDS, 40):
         device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
         device.command(motor_speed=SPEED)
@@ -125,7 +125,7 @@ def test_the_mean_speed_is_that_of_the_simulator_over_the_time_that_it_names(ope
         assert opened.inner_text("#mean-speed").replace("\u2212", "-") == f"{speed:.1f} mm/s"
 
 
-def test_the_page_says_what_is_seen_when_it_is_asked(opened, page):
+def test_the_page_describes_its_picture_on_request(opened, page):
     opened.evaluate("vibro.show(1.0)")
     plain = picture(opened, "#mechanism")
     opened.keyboard.press("h")
@@ -140,7 +140,7 @@ def test_the_page_says_what_is_seen_when_it_is_asked(opened, page):
     until(opened, lambda page: picture(page, "#mechanism") != plain, "forces")
 
 
-def test_what_the_page_says_of_the_air_holds():
+def test_the_page_states_the_time_in_the_air_correctly():
     for speed, share, words in ((60.0, 2 / 3, "two thirds of the time at 60"), (200.0, 0.9, "nine tenths at 200")):
         scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": speed})
         run = vibro_ros.simulate(scene, duration=12.0, rate=1000.0)
@@ -191,7 +191,7 @@ def test_a_folder_s_name_is_text_and_no_program():
     assert "default-src 'none'" in policy and "connect-src 'none'" in policy and "unsafe" not in policy
 
 
-def test_a_page_that_is_damaged_says_so(page, file, watch, tmp_path):
+def test_a_damaged_page_shows_an_error(page, file, watch, tmp_path):
     text = file.read_text()
     damaged = tmp_path / "damaged.html"
     damaged.write_text(re.sub(r'(text/plain">)[^<]{400}', r"\1", text))
@@ -201,7 +201,7 @@ def test_a_page_that_is_damaged_says_so(page, file, watch, tmp_path):
 
 
 @pytest.mark.parametrize("opens", [True, False])
-def test_a_recording_s_page_is_opened_if_that_is_asked_for(bag, monkeypatch, capsys, tmp_path, opens):
+def test_a_recordings_page_is_opened_on_request(bag, monkeypatch, capsys, tmp_path, opens):
     asked = []
     monkeypatch.setattr(view.webbrowser, "open", lambda address: asked.append(address) or opens)
     page = tmp_path / "page.html"
@@ -211,7 +211,7 @@ def test_a_recording_s_page_is_opened_if_that_is_asked_for(bag, monkeypatch, cap
     assert said.err == ("" if opens else "view: no browser could be opened; open the file above\n")
 
 
-def test_files_of_others_and_the_recording_are_left_alone(bag, tmp_path, capsys):
+def test_other_files_and_the_recording_are_not_overwritten(bag, tmp_path, capsys):
     other = tmp_path / "letter.html"
     other.write_text("<p>Dear Mum")
     for words, expected in (([str(bag), "--output", str(other)], "no page that `view` wrote"),

@@ -28,7 +28,7 @@ def taken(outbox: Outbox) -> list[str | bytes]:
     return frames
 
 
-def test_rows_that_follow_one_another_make_one_frame_and_texts_keep_their_place():
+def test_consecutive_rows_make_one_frame_and_texts_keep_their_order():
     outbox = Outbox()
     outbox.add("robot", "R")
     outbox.add("samples", rows(2))
@@ -55,7 +55,7 @@ def test_a_page_that_does_not_read_keeps_the_latest_samples_within_bounds():
 
 
 @pytest.mark.parametrize("kind", ["robot", "absent"])
-def test_another_standing_makes_void_what_waits_of_the_one_before(kind):
+def test_a_new_state_replaces_waiting_frames_of_the_previous_state(kind):
     outbox = Outbox()
     outbox.add("robot", "before")
     outbox.add("samples", rows(2))
@@ -65,7 +65,7 @@ def test_another_standing_makes_void_what_waits_of_the_one_before(kind):
     assert taken(outbox) == ["done", "now"]
 
 
-def test_a_motion_replaces_the_one_that_waits():
+def test_a_motion_replaces_a_waiting_motion():
     outbox = Outbox()
     outbox.add("motion", "first", b"1")
     outbox.add("motion", "second", b"2")
@@ -78,7 +78,7 @@ def test_a_motion_replaces_the_one_that_waits():
       "0.0.0.0:8742", "[::]:8742", "127.0.0.1:8742:1", "robot-pc:8742", "::1", "127.1", "2130706433", "127.0.0.1x"]),
     ("0.0.0.0", ["192.168.1.2:8742", "robot-pc:8742", "127.0.0.1", "[fe80::1]:8742"],
      ["evil.example:8742", "0.0.0.0:8742", "robot-pc.evil:8742", "192.168.1.2.evil:1"])])
-def test_this_machine_is_known_by_its_names_and_all_else_is_another_host(address, taken, refused):
+def test_the_host_pattern_accepts_only_this_machines_names(address, taken, refused):
     hosts = HostMatches(host_pattern(address, ["Robot-PC"]))
     for host in (*taken, *refused):
         request = HTTPServerRequest("GET", "/", "HTTP/1.1", HTTPHeaders({"Host": host}))

@@ -35,7 +35,7 @@ def as_browser(document) -> MotionDocument:
     return MotionDocument(json.loads(json.dumps(header, allow_nan=False)), payload)
 
 
-def test_it_passes_through_the_samples_with_the_reported_impacts_and_not_across_a_reset():
+def test_slow_motion_passes_through_the_samples_and_not_across_a_reset():
     history = History()
     history.add_impacts(Impact(time, time, "upper", 3.0) for time in (0.02, 0.9, 1.4))
     for rows in (published(150), published(150, begin=150)):
@@ -102,7 +102,7 @@ def test_the_docstring_is_enough_to_read_a_document():
     assert (motion.borders == borders).all()
 
 
-def test_nothing_is_known_outside_and_in_gaps_and_of_numbers_that_are_not_finite():
+def test_a_motion_is_unknown_outside_its_samples_in_gaps_and_for_infinite_numbers():
     writer = MotionWriter(["x"], [1.0])
     writer.add(np.array([[0.0, 1.0], [2.0, 3.0], [3.0, 4.0]]),
                np.array([[[5.0, 1.0]], [[7.0, 0.0]], [[np.inf, 0.0]]]))

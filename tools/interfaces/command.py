@@ -63,12 +63,9 @@ def _parser() -> Parser:
 
 
 def require_compiler() -> None:
-    """Check that cmake will find a C++ compiler and Python's headers.
+    """Check that cmake will find a C++ compiler and Python's headers (BuildError with the remedy).
 
-    Raises
-    ------
-    BuildError
-        When one of them is missing, with the remedy. The environment variables CC and CXX name other compilers.
+    The environment variables CC and CXX name other compilers.
     """
     if not os.environ.get("CXX") and not any(map(shutil.which, COMPILERS)):
         raise BuildError("no C++ compiler (" + ", ".join(COMPILERS) + "); install g++")

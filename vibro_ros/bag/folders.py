@@ -20,8 +20,8 @@ LONGEST_NAMESPACE = 150
 MOST_ENTRIES = 100_000  # most files of a folder that are examined
 
 SUFFIX = ".mcap"
-_OTHERS = {".db3": "is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag of it",
-           ".zstd": "is compressed as a whole; `zstd -d` unfolds it"}
+_FOREIGN = {".db3": "is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag of it",
+            ".zstd": "is compressed as a whole; `zstd -d` unfolds it"}
 
 
 def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterator[Path]:
@@ -44,8 +44,8 @@ def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
     with os.scandir(folder) as entries:
         for entry in islice(entries, MOST_ENTRIES):
             suffix = Path(entry.name).suffix
-            if suffix in _OTHERS:
-                flaws.append(f"{entry.name}: {_OTHERS[suffix]}")
+            if suffix in _FOREIGN:
+                flaws.append(f"{entry.name}: {_FOREIGN[suffix]}")
             elif suffix == SUFFIX and (kind := kind_of(entry.stat(follow_symlinks=False).st_mode)):
                 flaws.append(f"{entry.name}: is {kind}, and only regular files of the folder are read")
             elif suffix == SUFFIX:
@@ -111,7 +111,7 @@ def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
     except OSError:
         return []
     in_use = writing_processes(folders) if folders else {}
-    return [folder for folder in folders if folder not in in_use and _is_left(folder)]
+    return [folder for folder in folders if folder not in in_use and _is_abandoned(folder)]
 
 
 def _is_unsealed(folder: Path) -> bool:
@@ -124,8 +124,8 @@ def _is_unsealed(folder: Path) -> bool:
         return False
 
 
-def _is_left(folder: Path) -> bool:
-    """Return whether an unsealed folder is not locked by a recorder, and has not been sealed meanwhile."""
+def _is_abandoned(folder: Path) -> bool:
+    """Return whether a folder is unsealed, and no recorder has locked it."""
     try:
         with locked(folder):
             return _is_unsealed(folder)

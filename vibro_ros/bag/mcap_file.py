@@ -84,7 +84,7 @@ class McapFile:
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()  # messages by channel
         self._first, self._last, self._previous_stamp = LAST_STAMP, 0, 0
-        self._compression, self.damaged = "", 0
+        self._compression, self._unfolded_size, self.damaged = "", 0, 0
         self._blocks = array("Q")  # offsets of the readable chunks, and of the readable messages outside of chunks
         self._damage = ""  # description of the first damage
         with open_to_read(path, follow=False) as file:
@@ -147,6 +147,30 @@ class McapFile:
 
     def _scan(self, file: BinaryIO) -> str:
         """Go through all records, count what can be read, and return the file's profile."""
+        self._check_ends(file)
+        records = self._records(file)
+        self.end, header = next(records, (0, None))
+        if not isinstance(header, Header):
+            raise ForeignFileError("the file ends within its header, nothing was recorded")
+        has_end = False
+        for end, record in records:
+            if has_end := isinstance(record, DataEnd):
+                break
+            begin, self.end = self.end, end
+            try:
+                self._take(record, begin)
+            except DamagedError as error:
+                self._note_damage(end - begin, f"{error} at byte {begin}")
+        if self.sealed and not has_end:
+            self._note_damage(self.size - self.end, f"not a record at byte {self.end}")
+        for _, record in records:  # the summary, in case a damaged chunk announced a topic
+            if isinstance(record, (Schema, Channel)):
+                with suppress(DamagedError):
+                    self._announce(record)
+        return header.profile
+
+    def _check_ends(self, file: BinaryIO) -> None:
+        """Set `sealed` by the file's end, and stop behind the magic at its beginning (ForeignFileError without it)."""
         if self.size == 0:
             raise ForeignFileError("the file is empty, nothing was recorded")
         file.seek(max(0, self.size - 20 - len(_FOOTER) - len(MAGIC)))
@@ -155,41 +179,27 @@ class McapFile:
         file.seek(0)
         if file.read(len(MAGIC)) != MAGIC[:self.size]:
             raise ForeignFileError("not an MCAP file")
-        records = self._records(file)
-        self.end, header = next(records, (0, None))
-        if not isinstance(header, Header):
-            raise ForeignFileError("the file ends within its header, nothing was recorded")
-        unfolded_size, has_end = 0, False
-        for end, record in records:
-            if has_end := isinstance(record, DataEnd):
-                break
-            begin, self.end = self.end, end
-            try:
-                if isinstance(record, Chunk):
-                    unfolded_size += record.uncompressed_size
-                    if unfolded_size > FREE_UNFOLDING + UNFOLDING * self.size:
-                        raise DamagedError(f"its chunks unfold to more than {UNFOLDING} times the file's size")
-                    self._compression = record.compression
-                    self._count(begin, self._heads_in(unfolded(record)))
-                elif isinstance(record, Message):
-                    self._count(begin, [(record.channel_id, record.log_time)])
-                elif isinstance(record, (Schema, Channel)):
-                    self._announce(record)
-                elif isinstance(record, Metadata) and record.name == METADATA_NAME:
-                    self.custom = custom_data(record.metadata.get(METADATA_KEY, ""))
-                elif isinstance(record, (Attachment, Metadata)):
-                    self.is_whole = False
-            except DamagedError as error:
-                self.damaged += end - begin
-                self._damage = self._damage or f"{error} at byte {begin}"
-        if self.sealed and not has_end:
-            self.damaged += self.size - self.end
-            self._damage = self._damage or f"not a record at byte {self.end}"
-        for _, record in records:  # the summary, in case a damaged chunk announced a topic
-            if isinstance(record, (Schema, Channel)):
-                with suppress(DamagedError):
-                    self._announce(record)
-        return header.profile
+
+    def _take(self, record: McapRecord, begin: int) -> None:
+        """Count what can be read in a record that begins at the offset `begin` (DamagedError)."""
+        if isinstance(record, Chunk):
+            self._unfolded_size += record.uncompressed_size
+            if self._unfolded_size > FREE_UNFOLDING + UNFOLDING * self.size:
+                raise DamagedError(f"its chunks unfold to more than {UNFOLDING} times the file's size")
+            self._compression = record.compression
+            self._count(begin, self._heads_in(unfolded(record)))
+        elif isinstance(record, Message):
+            self._count(begin, [(record.channel_id, record.log_time)])
+        elif isinstance(record, (Schema, Channel)):
+            self._announce(record)
+        elif isinstance(record, Metadata) and record.name == METADATA_NAME:
+            self.custom = custom_data(record.metadata.get(METADATA_KEY, ""))
+        elif isinstance(record, (Attachment, Metadata)):
+            self.is_whole = False
+
+    def _note_damage(self, size: int, words: str) -> None:
+        self.damaged += size
+        self._damage = self._damage or words
 
     def _announce(self, record: Schema | Channel) -> None:
         """Take a schema or a channel (DamagedError if it contradicts another)."""

@@ -42,7 +42,7 @@ class McapWriter:
     """
 
     def __init__(self, write: Callable[[bytes], object], schemas: Sequence[Schema], channels: Sequence[Channel],
-                 compression: str = "", chunk_size: int = CHUNK_SIZE):
+                 compression: str, chunk_size: int = CHUNK_SIZE):
         self.first, self.last = 2**64 - 1, -1
         self.counts = {channel.id: 0 for channel in channels}
         self._write_bytes, self._schemas, self._channels = write, schemas, channels

@@ -92,7 +92,7 @@ class Bag(Mapping[str, Arrays]):
         """Return the full name of the topic called `name` (MissingTopicError when none, or more than one, has it)."""
         types = {topic: recorded.type_name for topic, recorded in self.topics.items()}
         matches = [topic for topic in self.arrays if topic == name or topic.endswith(f"/{name}")
-                 and ROBOT_TOPICS.get(_last(topic), types[topic]) == types[topic]]
+                 and ROBOT_TOPICS.get(_last_part(topic), types[topic]) == types[topic]]
         if len(matches) > 1:
             raise MissingTopicError(f"{self.path}: {name} is ambiguous; give one of {', '.join(matches)}")
         if not matches:
@@ -140,7 +140,7 @@ class Bag(Mapping[str, Arrays]):
         return replace(self, arrays=tables)
 
 
-def _last(topic: str) -> str:
+def _last_part(topic: str) -> str:
     return topic.rpartition("/")[2]
 
 
@@ -227,16 +227,17 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
 def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = None) -> Bag:
     """Read a bag as `read_bag` does, without its warning, for callers that report the flaws themselves."""
     with BagStream(path) as stream:
-        series = {topic: Series(recorded.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
+        patterns = {topic: ("*",) if columns is None else columns.get(_last_part(topic)) for topic in stream.topics}
+        series = {topic: Series(recorded.type_name, stream.start, chosen)
                   for topic, recorded in stream.topics.items()
-                  if recorded.type_name in COLUMNS and (columns is None or _last(topic) in columns)}
-        seen: Counter[str] = Counter()
+                  if recorded.type_name in COLUMNS and (chosen := patterns[topic]) is not None}
+        counts: Counter[str] = Counter()
         for topic, stamp, data in stream.messages(frozenset(series)):
             try:
                 series[topic].append(stamp, data)
             except ValueError as error:
-                stream.unreadable.add(topic, seen[topic], stamp, error)
-            seen[topic] += 1
+                stream.unreadable.add(topic, counts[topic], stamp, error)
+            counts[topic] += 1
         arrays = {topic: TopicArrays(rows.arrays()) for topic, rows in series.items()}
         return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
                    arrays, tuple(stream.flaws))
@@ -253,11 +254,11 @@ class Series:
                  columns: Mapping[str, "Column"] | None = None) -> None:
         self._type, self._start_ns, self._patterns = type_name, start_ns, patterns
         known = COLUMNS[type_name] if columns is None else columns
-        self._columns = {name: column for name, column in known.items() if self._wants(name)}
+        self._columns = {name: column for name, column in known.items() if self._is_chosen(name)}
         self._rows: dict[str, array] = {}  # by joint, the numbers of the messages that name it
-        self._layouts: dict[tuple[tuple[str, ...], ...], _Layout] = {}  # by names of joints and quantities of a message
+        self._layouts: dict[tuple[tuple[str, ...], ...], _Layout] = {}  # by joints and quantities of a message
         self._times = array("d")
-        self._found: dict[str, array] = {name: array("L" if column.is_text else "d")
+        self._values: dict[str, array] = {name: array("L" if column.is_text else "d")
                                          for name, column in self._columns.items()}
         self._texts: dict[str, dict[str, int]] = {name: {} for name, column in self._columns.items() if column.is_text}
 
@@ -273,17 +274,17 @@ class Series:
                 if name == "stamp":
                     value = (value - self._start_ns) * 1e-9
                 elif name in self._texts:
-                    known = self._texts[name]
-                    value = known.setdefault(value, len(known))
+                    numbers = self._texts[name]
+                    value = numbers.setdefault(value, len(numbers))
                 if isinstance(value, (tuple, list)):
-                    self._found[name].extend(value)
+                    self._values[name].extend(value)
                 else:
-                    self._found[name].append(value)
+                    self._values[name].append(value)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended afterwards."""
         arrays = {"time": _as_array(self._times)}
-        for name, values in self._found.items():
+        for name, values in self._values.items():
             arrays[name] = _as_array(values)
             if name in self._texts:  # as objects a long text takes memory once, not in every row
                 kind = object if self._type == "std_msgs/msg/String" else str
@@ -315,37 +316,36 @@ class Series:
         layout = self._layouts.get(key) or self._layouts.setdefault(key, self._layout(message.name, quantities))
         values = chain(*(getattr(message, quantity).tolist() for quantity in quantities))
         return {_JOINTS: layout.joints, **layout.lacking,
-                **{name: value for name, value in zip(layout.names, values, strict=True) if name in self._found}}
+                **{name: value for name, value in zip(layout.names, values, strict=True) if name in self._values}}
 
     def _layout(self, joints: list[str], quantities: list[str]) -> "_Layout":
-        """Return what a message with these joints and quantities fills; begin the columns that are new."""
+        """Return the layout of messages with these joints and quantities; begin the columns that are new."""
         names = [f"{joint}.{quantity}" for quantity in quantities for joint in joints]
         if len(set(names)) < len(names):
             raise ValueError("it names a joint twice")
-        if new := [name for name in names if self._wants(name) and name not in self._found]:
+        if new := [name for name in names if self._is_chosen(name) and name not in self._values]:
             if len(self._rows.keys() | set(joints)) > MOST_JOINTS:
                 raise ValueError(f"with it the topic has more than {MOST_JOINTS} joints")
             self._layouts.clear()  # messages of other layouts lack the new columns
             for name in new:
                 rows = self._rows.setdefault(name.rpartition(".")[0], array("L"))
-                self._found[name] = array("d", [math.nan]) * len(rows)
+                self._values[name] = array("d", [math.nan]) * len(rows)
         if len(self._layouts) >= _MOST_LAYOUTS:
             self._layouts.clear()
         known = [joint for joint in joints if joint in self._rows]
         return _Layout(known, names, {name: math.nan for joint in known for quantity in JOINT_QUANTITIES
-                                      if (name := f"{joint}.{quantity}") in self._found and name not in names})
+                                      if (name := f"{joint}.{quantity}") in self._values and name not in names})
 
-    def _wants(self, name: str) -> bool:
+    def _is_chosen(self, name: str) -> bool:
         return any(fnmatchcase(name, pattern) for pattern in self._patterns)
 
 
 class _Layout(NamedTuple):
-    """What the messages with the same joints and quantities fill: the joints, the columns in the order of the numbers,
-    and NaN for the columns that such messages lack."""
+    """The columns that the messages with the same joints and quantities fill."""
 
     joints: list[str]
-    names: list[str]
-    lacking: dict[str, float]
+    names: list[str]  # of the columns, in the order of the numbers in a message
+    lacking: dict[str, float]  # NaN for each column that such messages lack
 
 
 def series_of(arrays: Arrays) -> Iterator[Arrays]:

@@ -42,9 +42,9 @@ from vibro_ros.bag.metadata import (
     write_metadata,
 )
 
-FLUSH_PERIOD = 0.05  # s, between two flushes; a message is promised to be safe after 0.1, as a busy machine is late
+FLUSH_PERIOD = 0.05  # s, between two flushes; a message is promised to be safe after 0.1 s, for a busy machine
 WAKE_DELAY = 0.01  # s, from the time when a flush is due until the thread wakes by itself
-WAKING = 1000  # waiting messages that wake the thread early, so that a robot faster than real time fills no queue
+EARLY_WAKE = 1000  # waiting messages that wake the thread early, so that a robot faster than real time fills no queue
 BACKLOG = 20_000  # most messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 SMALLEST_FILE = 100_000  # bytes; topics, index and metadata of a file take about a third of it
 SHORTEST_FILE = 0.1  # s, smallest limit of a file's duration; longer than a period between flushes
@@ -135,7 +135,7 @@ class Recorder:
         if (len(self._queue) < self._capacities.get(topic_name, 0) and type(stamp_ns) is int
                 and 0 <= stamp_ns <= LAST_STAMP and type(data) is bytes and self.accepting):
             self._queue.append((topic_name, stamp_ns, data))
-            if time.monotonic() >= self._wake_from or len(self._queue) == WAKING:
+            if time.monotonic() >= self._wake_from or len(self._queue) == EARLY_WAKE:
                 self._wake_from = math.inf
                 self._wake_up.put(None)
             return True
@@ -213,8 +213,8 @@ class Recorder:
             self._wake_from = math.inf
             closing = self._closing  # read before the queue is emptied for the last time
             if self._new_custom:
-                known, self._new_custom = self._new_custom, {}
-                self._writer.describe(known)
+                custom, self._new_custom = self._new_custom, {}
+                self._writer.describe(custom)
             while waiting := len(self._queue):
                 for _ in range(waiting):
                     topic, stamp, data = self._queue.popleft()

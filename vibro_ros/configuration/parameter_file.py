@@ -35,7 +35,7 @@ def sections(path: Path) -> Sections:
     except ValueError as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
     if not sections_of_file:
-        raise ValueError(f"{path}: {_NONE}")
+        raise ValueError(f"{path}: {_NO_PARAMETERS}")
     return sections_of_file
 
 
@@ -76,12 +76,12 @@ def own_parameters(values: Mapping[str, V]) -> dict[str, V]:
     return {name: value for name, value in values.items() if name.partition(".")[0] not in OF_RCLPY}
 
 
-_NONE = f"holds no parameters; a parameter file begins with `/**:` and below it `{SECTION}:`"
+_NO_PARAMETERS = f"holds no parameters; a parameter file begins with `/**:` and below it `{SECTION}:`"
 
 
 def _sections(tree: object, above: str) -> Iterator[tuple[str, dict[str, object]]]:
     if not isinstance(tree, Pairs):
-        raise ValueError(f"{above}: {_NONE}, alone" if above else _NONE)
+        raise ValueError(f"{above}: {_NO_PARAMETERS}, alone" if above else _NO_PARAMETERS)
     for index, (key, value) in enumerate(tree):
         if key != SECTION:
             if above and str(key).startswith("/"):  # rcl joins the names by a slash of its own, and refuses two
@@ -91,7 +91,7 @@ def _sections(tree: object, above: str) -> Iterator[tuple[str, dict[str, object]
         elif above and isinstance(value, Pairs) and index == len(tree) - 1:  # after it rcl expects no other name
             yield above, _parameters(value)
         else:
-            raise ValueError(f"{above}: {_NONE}, alone" if above else _NONE)
+            raise ValueError(f"{above}: {_NO_PARAMETERS}, alone" if above else _NO_PARAMETERS)
 
 
 def _parameters(tree: Pairs) -> dict[str, object]:

@@ -120,10 +120,11 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
         base = find_file("scene", checked["scene"], path.parent) if "scene" in checked else None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    start = _load(base, node, (*above, path.resolve())).parameters if base else {}
+    base_parameters = _load(base, node, (*above, path.resolve())).parameters if base else {}
     device = {parameter.name for parameter in DEVICE_PARAMETERS}
     try:
-        return Scene(path.stem, {**start, **{name: value for name, value in checked.items() if name not in device}})
+        changes = {name: value for name, value in checked.items() if name not in device}
+        return Scene(path.stem, {**base_parameters, **changes})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -145,8 +146,8 @@ def find_file(kind: str, name_or_path: str, folder: Path | None = None) -> Path:
     ones.
     """
     if name_or_path in shipped(kind):
-        place, suffix = FOLDERS[kind]
-        return config_folder() / place / f"{name_or_path}{suffix}"
+        subfolder, suffix = FOLDERS[kind]
+        return config_folder() / subfolder / f"{name_or_path}{suffix}"
     path = (folder or Path()) / user_path(name_or_path)
     if os.path.isfile(path):  # false, not an error, for an impossible file name
         return path

@@ -23,7 +23,7 @@ def new_message(type_name: str) -> Any:
     """Return a new message of zeros, empty texts and empty lists, the defaults of every ROS library."""
     store = jazzy_types()
     _, fields = store.fielddefs[type_name]
-    return store.types[type_name](**{name: _new_field(kind, what) for name, (kind, what) in fields})
+    return store.types[type_name](**{name: _new_field(kind, details) for name, (kind, details) in fields})
 
 
 def serialised(message: Any, type_name: str) -> bytes:
@@ -70,16 +70,16 @@ def first_difference(first: bytes, second: bytes, type_name: str) -> tuple[str, 
 
 @cache
 def _lists_of_numbers(type_name: str) -> tuple[str, ...]:
-    return tuple(name for name, (kind, what) in jazzy_types().fielddefs[type_name][1]
-                 if kind is Nodetype.SEQUENCE and what[0][0] is Nodetype.BASE and what[0][1][0] == "float64")
+    return tuple(name for name, (kind, details) in jazzy_types().fielddefs[type_name][1]
+                 if kind is Nodetype.SEQUENCE and details[0][0] is Nodetype.BASE and details[0][1][0] == "float64")
 
 
-def _new_field(kind: Nodetype, what: Any) -> Any:
+def _new_field(kind: Nodetype, details: Any) -> Any:
     if kind is Nodetype.NAME:
-        return new_message(what)
+        return new_message(details)
     if kind is Nodetype.BASE:
-        return {"string": "", "bool": False, "float64": 0.0, "float32": 0.0}.get(what[0], 0)
-    (inner, of), length = what
+        return {"string": "", "bool": False, "float64": 0.0, "float32": 0.0}.get(details[0], 0)
+    (inner, of), length = details
     if inner is Nodetype.BASE and of[0] != "string":
         return np.zeros(length if kind is Nodetype.ARRAY else 0, dtype=of[0])
     return [_new_field(inner, of) for _ in range(length if kind is Nodetype.ARRAY else 0)]

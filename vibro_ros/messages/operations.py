@@ -76,7 +76,7 @@ def perform(operation: Operation, device: "Simulator") -> None:
         device.push(**operation.parameters)
     elif operation.name == FAULT:
         incident = checked_incident(**operation.parameters)
-        if FAULTS[incident.fault].befalls != faults.COMMANDS:  # commands are recorded when they take effect
+        if FAULTS[incident.fault].affects != faults.COMMANDS:  # commands are recorded when they take effect
             device.fail(*incident)
     elif of_scene := {name: value for name, value in operation.parameters.items() if name in BY_NAME}:
         device.set_parameters(of_scene)

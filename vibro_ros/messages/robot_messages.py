@@ -54,11 +54,11 @@ class Template:
 
     def __init__(self, messages: Sequence[tuple[Any, str]], fill: Callable[[Sequence[float]], object], count: int):
         marks = [_MARK + i * _STEP for i in range(count)]
-        known = {struct.pack(f"<{code}", sign * mark): (code, i, sign)
-                 for i, mark in enumerate(marks) for code in "fid" for sign in (1, -1)}
+        number_by_bytes = {struct.pack(f"<{code}", sign * mark): (code, i, sign)
+                           for i, mark in enumerate(marks) for code in "fid" for sign in (1, -1)}
         negated, constants, order, codes, end = list[int](), list[bytes](), list[int](), ["<"], 0
 
-        def keep(data: bytes) -> None:
+        def add_constant(data: bytes) -> None:
             constants.append(data)
             order.append(-len(constants))  # counted from the end of all values that are packed
             codes.append(f"{len(data)}s")
@@ -69,19 +69,20 @@ class Template:
             data, begin, at = serialised(message, type_name), 0, ENCAPSULATION
             self._spans.append((end, end := end + len(data)))
             while at < len(data):
-                code, index, sign = known.get(data[at:at + 8]) or known.get(data[at:at + 4]) or ("", 0, 0)
+                code, index, sign = (number_by_bytes.get(data[at:at + 8]) or number_by_bytes.get(data[at:at + 4])
+                                     or ("", 0, 0))
                 if code:
-                    keep(data[begin:at])
+                    add_constant(data[begin:at])
                     order.append(index if sign > 0 else count + len(negated))
                     negated += [index] if sign < 0 else []
                     codes.append(code)
                     begin = at + struct.calcsize(code)
                 at = max(begin, at + 4)  # every number is at a multiple of 4 bytes
-            keep(data[begin:])
+            add_constant(data[begin:])
         self._negated, self._constants = negated, constants[::-1]
         self._in_order, self._pack = itemgetter(*order), struct.Struct("".join(codes)).pack
-        fill(others := [mark + _OTHER for mark in marks])
-        if self.filled(others) != [serialised(message, type_name) for message, type_name in messages]:
+        fill(other_marks := [mark + _OTHER for mark in marks])
+        if self.filled(other_marks) != [serialised(message, type_name) for message, type_name in messages]:
             types = ", ".join(type_name for _, type_name in messages)
             raise RuntimeError(f"{types}: numbers vary that are not copied or negated")
 
@@ -104,10 +105,23 @@ class RobotMessages:
     def __init__(self, scene: Scene, prefix: str = "", transforms: str = ALL,
                  variances: Sequence[Sequence[float]] = ((), ()), control: Mapping[str, str] = MappingProxyType({})):
         self._scene, self._prefix, self._control = scene, prefix, control
-        stamp = new_message("builtin_interfaces/msg/Time")  # the sample's stamp, shared by all its headers
-        self._frames = Frames(scene, stamp, prefix, transforms) if transforms != NONE else None
         self.topics = published_by(scene, transforms)
         self._sampled = tuple(name for name in self.topics if TOPICS[name].when == SAMPLE)
+        self._sample = self._sample_template(transforms, variances)
+        self._impacts = {kind: self._template("impacts", _fill_impact, 1, prefix + PLATES[kind]) for kind in PLATES}
+        self._measured: dict[str, Template] = {}
+        whole = new_message(TOPICS[SAMPLES].type)
+        dimension = new_message("std_msgs/msg/MultiArrayDimension")
+        dimension.label, dimension.size, dimension.stride = ",".join(SAMPLE_LABELS), *[len(SAMPLE_LABELS)] * 2
+        whole.layout.dim = [dimension]
+        self._whole = Template([(whole, TOPICS[SAMPLES].type)], partial(setattr, whole, "data"), len(SAMPLE_LABELS))
+
+    def _sample_template(self, transforms: str, variances: Sequence[Sequence[float]]) -> Template:
+        """Return the template of the messages of a sample; its numbers are the fields, the stamp, in s and ns, and the
+        turns of the frames."""
+        scene, prefix = self._scene, self._prefix
+        stamp = new_message("builtin_interfaces/msg/Time")  # the sample's stamp, shared by all its headers
+        self._frames = Frames(scene, stamp, prefix, transforms) if transforms != NONE else None
         messages = {name: self._new_message(name) for name in self._sampled}
         for name in self._sampled:
             if TOPICS[name].frame:
@@ -123,7 +137,6 @@ class RobotMessages:
                   for name in self._sampled for path, field in TOPICS[name].numbers.items()]
 
         def fill(numbers: Sequence[float]) -> None:
-            """Fill in the fields of a sample, its stamp, in s and ns, and the turns of its frames."""
             for part, name, index, negated in places:
                 setattr(part, name, -numbers[index] if negated else numbers[index])
             states.position, states.velocity, states.effort = (
@@ -133,15 +146,8 @@ class RobotMessages:
                 self._frames.fill(numbers, turns)
 
         turns = self._frames.turns([0.0] * len(FIELDS)) if self._frames else ()
-        self._sample = Template([(messages[name], TOPICS[name].type) for name in self._sampled], fill,
-                                len(FIELDS) + 2 + len(turns))
-        self._impacts = {kind: self._template("impacts", _fill_impact, 1, prefix + PLATES[kind]) for kind in PLATES}
-        self._measured: dict[str, Template] = {}
-        whole = new_message(TOPICS[SAMPLES].type)
-        dimension = new_message("std_msgs/msg/MultiArrayDimension")
-        dimension.label, dimension.size, dimension.stride = ",".join(SAMPLE_LABELS), *[len(SAMPLE_LABELS)] * 2
-        whole.layout.dim = [dimension]
-        self._whole = Template([(whole, TOPICS[SAMPLES].type)], partial(setattr, whole, "data"), len(SAMPLE_LABELS))
+        return Template([(messages[name], TOPICS[name].type) for name in self._sampled], fill,
+                        len(FIELDS) + 2 + len(turns))
 
     def once(self, stamp: int) -> Iterator[tuple[str, bytes]]:
         """Yield topic (its name in `TOPICS`) and message of all that is published once, at ROS time `stamp` [ns]."""
@@ -166,17 +172,18 @@ class RobotMessages:
         """
         numbers = values.tolist()
         turns = self._frames.turns(numbers) if self._frames else ()
-        made = list(zip(self._sampled, self._sample.filled([*numbers, *divmod(stamp, SECOND), *turns]), strict=True))
+        numbers += [*divmod(stamp, SECOND), *turns]
+        messages = list(zip(self._sampled, self._sample.filled(numbers), strict=True))
         for time, kind, _, peak_force, _ in events.tolist():
             if kind in PLATES:
                 numbers = [*divmod(stamp_of(time), SECOND), peak_force]
-                made.append(("impacts", self._impacts[kind].filled(numbers)[0]))
+                messages.append(("impacts", self._impacts[kind].filled(numbers)[0]))
         for sensor, time, read in measurements:
             if sensor not in self._measured:
                 self._measured[sensor] = self._template(SENSOR_TOPICS[sensor], MEASUREMENTS[sensor], len(read))
             numbers = [*divmod(stamp_of(time), SECOND), *read.tolist()]
-            made.append((SENSOR_TOPICS[sensor], self._measured[sensor].filled(numbers)[0]))
-        return made
+            messages.append((SENSOR_TOPICS[sensor], self._measured[sensor].filled(numbers)[0]))
+        return messages
 
     def whole_sample(self, values: np.ndarray, start: int, time: float) -> bytes:
         """Return all quantities of a sample as one message on `~/samples`.

@@ -183,29 +183,29 @@ def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[s
     if repeated := [name for name, count in Counter(names).items() if count > 1]:
         return {}, [f"{quoted(repeated[0])} is named {names.count(repeated[0])} times; name each joint once"]
     for kind in ("position", "velocity", "effort"):
-        numbers, meant = list(getattr(message, kind)), [name for name in names if _kind(name) == kind]
+        numbers, commanded = list(getattr(message, kind)), [name for name in names if _commanded_array(name) == kind]
         if len(numbers) == len(names):
-            meant = names
-        elif len(numbers) != len(meant) and numbers:
-            faults.append(f"{kind}: {len(numbers)} numbers for {len(names)} names, {len(meant)} of them commanded so; "
-                          "give one a name, or one for each joint that is commanded so")
+            commanded = names
+        elif len(numbers) != len(commanded) and numbers:
+            faults.append(f"{kind}: {len(numbers)} numbers for {len(names)} names, {len(commanded)} of them commanded "
+                          "so; give one a name, or one for each joint that is commanded so")
             continue
-        for name, number in zip(meant, map(float, numbers), strict=False):
+        for name, number in zip(commanded, map(float, numbers), strict=False):
             if not math.isfinite(number):
                 continue
-            if _kind(name) != kind:
-                faults.append(f"{quoted(name)} is not commanded by {kind}; give {_TAKEN}")
+            if _commanded_array(name) != kind:
+                faults.append(f"{quoted(name)} is not commanded by {kind}; give {_COMMANDED_JOINTS}")
                 continue
             argument = COMMANDED[name][1]
             rod = f"crank.{argument.removesuffix('_gap')}_rod"
             commands[argument] = number - scene[rod] if kind == "position" else number
-    faults += [f"{quoted(name)} is no joint of this robot; give {_TAKEN}" for name in names
+    faults += [f"{quoted(name)} is no joint of this robot; give {_COMMANDED_JOINTS}" for name in names
                if name not in JOINTS and not any(quoted(name) in fault for fault in faults)]
     return commands, faults
 
 
-_TAKEN = ", ".join(f"{joint} by {array}" for joint, (array, _) in COMMANDED.items())
+_COMMANDED_JOINTS = ", ".join(f"{joint} by {array}" for joint, (array, _) in COMMANDED.items())
 
 
-def _kind(name: str) -> str:
+def _commanded_array(name: str) -> str:
     return COMMANDED.get(name, ("", ""))[0]

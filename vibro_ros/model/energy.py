@@ -123,7 +123,7 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
         yield _SUPPLY, builder.by_motor_state(lambda bearing, loop: motor.voltage(loop)), current
         yield _COPPER, -motor.resistance * motor.current, current
         yield _BEARING, builder.by_motor_state(lambda bearing, loop: -motor.bearing_torque(bearing)), speed
-    paid = scene["effects.reaction"]  # else no part gives the work of the forces that drive and lift the body
+    has_reaction = scene["effects.reaction"]  # else no part gives the work of the forces that drive and lift the body
     if forms.body_moves:
         speed = channels.velocity(forms.body)
         for force, (constant, damping, _) in scene.ground_laws.items():
@@ -131,12 +131,12 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
                 yield ACCOUNTS.index(force.account), -constant * forms.one - damping * forms.velocity(forms.body), speed
         if builder.ground.has_dry_friction:
             yield _FRICTION, -builder.friction_force(), speed
-        if not paid:
+        if not has_reaction:
             yield _UNPAID, builder.at_contact(forms.inertial_force), speed
     for coordinate, push in zip((forms.body, forms.height), forms.push, strict=True):
-        if push and paid:  # a push is part of F_in and N
+        if push and has_reaction:  # a push is part of F_in and N
             yield _UNPAID, push * forms.one, channels.velocity(coordinate)
-    if forms.body_hops and not paid:
+    if forms.body_hops and not has_reaction:
         lift = scene.total_mass * scene.gravity[1] * forms.one - builder.at_contact(forms.normal_force)
         yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), channels.velocity(forms.height)
 
@@ -150,19 +150,19 @@ def _damper(account: int, damping: float, rate: Form | StanceForms, mass: int, o
 
 def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
     """Yield the stored energies; those of the masses come first, as `AccountTable.momentum` requires."""
-    forms, paid = builder.forms, scene["effects.reaction"]
-    yield from ((velocity, mass, _BLOWS) for velocity, mass in _kinetic_energies(forms, scene, paid))
+    forms, has_reaction = builder.forms, scene["effects.reaction"]
+    yield from ((velocity, mass, _BLOWS) for velocity, mass in _kinetic_energies(forms, scene, has_reaction))
     with_body = math.fsum(scene[f"mass.{part}"] for part in ("body", *scene.linkage))  # without the masses on guides
     for rate in forms.body_velocity():
-        yield rate, with_body if paid else scene.total_mass, _BLOWS if paid else _UNPAID
+        yield rate, with_body if has_reaction else scene.total_mass, _BLOWS if has_reaction else _UNPAID
     # With V the body's velocity, m (s' + e V)²/2 - m (e V)²/2, because m V²/2 belongs to the body. The crank gives the
     # change of this energy in a shock of the body.
     for part in forms.linkage:
         rate, (speed, rise) = forms.units[forms.channels.signal_rate(part.signal)], forms.body_velocity()
-        of_body = float(paid) * (part.direction[0] * speed + part.direction[1] * rise)
-        giver = _BLOWS if forms.has_rotor else _MOTOR  # a crank that is struck pays as the body does
-        yield rate + of_body, part.mass, giver
-        yield of_body, -part.mass, giver
+        of_body = float(has_reaction) * (part.direction[0] * speed + part.direction[1] * rise)
+        account = _BLOWS if forms.has_rotor else _MOTOR  # a crank that is struck pays as the body does
+        yield rate + of_body, part.mass, account
+        yield of_body, -part.mass, account
     if builder.motor:
         yield builder.motor.speed, builder.motor.inertia, _BLOWS
         yield builder.motor.current, builder.motor.inductance, _BLOWS

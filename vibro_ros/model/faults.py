@@ -21,16 +21,14 @@ PLACE = Parameter("from_x", 0.0, "m", "an end of a stretch of the ground", minim
 
 DEVICE, SENSORS, COMMANDS = "device", "sensors", "commands"
 """Parts of the virtual device that a fault can affect."""
-
-
-SENSES = ("imu", "encoder", "current", "tracking")
+SENSOR_NAMES = ("imu", "encoder", "current", "tracking")
 
 
 class Fault(NamedTuple):
     """One kind of fault."""
 
-    befalls: str  # `DEVICE`, `SENSORS` or `COMMANDS`
-    does: str  # the fault's effect, as part of a sentence
+    affects: str  # `DEVICE`, `SENSORS` or `COMMANDS`
+    effect: str  # as part of a sentence
     of: tuple[str, ...] = ()  # the parts that can have the fault; empty if there is no choice
     value: Parameter | None = None  # the number that the fault needs; None if it needs none
     has_place: bool = False  # whether the fault affects a stretch of the ground, from `from_x` to `to_x`
@@ -45,9 +43,9 @@ FAULTS: Mapping[str, Fault] = {
     "friction_patch": Fault(DEVICE, "a stretch of the ground has another friction coefficient", value=Parameter(
         "value", 0.0, "", "friction coefficient, of a body at rest and in motion", minimum=0.0,
         maximum=BY_NAME["ground.friction"].maximum), has_place=True),
-    "sensor_dropout": Fault(SENSORS, "the sensor gives nothing", of=SENSES),
-    "sensor_freeze": Fault(SENSORS, "the sensor gives what it gave last", of=SENSES),
-    "sensor_offset": Fault(SENSORS, "so much is added to what the sensor measures", of=SENSES, value=Parameter(
+    "sensor_dropout": Fault(SENSORS, "the sensor gives nothing", of=SENSOR_NAMES),
+    "sensor_freeze": Fault(SENSORS, "the sensor gives what it gave last", of=SENSOR_NAMES),
+    "sensor_offset": Fault(SENSORS, "so much is added to what the sensor measures", of=SENSOR_NAMES, value=Parameter(
         "value", 0.0, "", "offset, in the sensor's unit", minimum=-1e6, maximum=1e6)),
     "late_commands": Fault(COMMANDS, "each command takes effect so much later", value=Parameter(
         "value", 0.0, "s", "delay", minimum=0.0, maximum=60.0, positive=True)),
@@ -70,15 +68,15 @@ def checked_incident(fault: object, duration: object, of: object = "", value: ob
                      to_x: object = 0.0) -> Incident:
     """Return the fault after checking it (ValueError: names the value, the limit and the remedy)."""
     name = Parameter("fault", "", "", "what fails", choices=tuple(FAULTS)).checked(fault)
-    kind, lasts = FAULTS[name], DURATION.checked(duration)
+    kind, duration = FAULTS[name], DURATION.checked(duration)
     if not isinstance(of, str) or of not in (kind.of or ("",)):
         raise ValueError(f"of: {quoted(of)} has no {name}; give {' or '.join(kind.of) or 'nothing'}")
-    number = NO_VALUE.checked(value) if kind.value is None or not lasts else kind.value.checked(value)
-    place = PLACE if kind.has_place and lasts else NO_PLACE
-    begins, ends = replace(place, name="from_x").checked(from_x), replace(place, name="to_x").checked(to_x)
-    if place is PLACE and not begins < ends:
-        raise ValueError(f"to_x: {ends:g} m does not lie ahead of from_x, {begins:g} m; give a greater one")
-    return Incident(name, lasts, of, number, begins, ends)
+    number = NO_VALUE.checked(value) if kind.value is None or not duration else kind.value.checked(value)
+    place = PLACE if kind.has_place and duration else NO_PLACE
+    begin, end = replace(place, name="from_x").checked(from_x), replace(place, name="to_x").checked(to_x)
+    if place is PLACE and not begin < end:
+        raise ValueError(f"to_x: {end:g} m does not lie ahead of from_x, {begin:g} m; give a greater one")
+    return Incident(name, duration, of, number, begin, end)
 
 
 def part_of(name: str, of: str) -> str:

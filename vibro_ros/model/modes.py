@@ -331,6 +331,12 @@ class ModeSet:
             frozenset(side for side, state in zip(plates, of_mode, strict=False) if state == wanted)
             for wanted in ("closed", "resting"))) for of_mode in itertools.product(*states))
         self._number_by_states = {mode.states: m for m, mode in enumerate(self.modes)}
+        self._set_stances(guides, plates)
+        self._set_contexts(kinds, contact_changes_ground_force)
+        self._set_changes_of_mode(plates)
+
+    def _set_stances(self, guides: tuple[str, ...], plates: tuple[str, ...]) -> None:
+        """Set what depends on the stance alone, and the stance of each mode."""
         # number of each mode's stance, in the order of the modes that have a stance first; and the first mode of each
         stances = [(mode.closed, mode.resting, mode.motor, mode.ground) for mode in self.modes]
         distinct = list(dict.fromkeys(stances))
@@ -355,6 +361,9 @@ class ModeSet:
             rows = [k for k, mode in enumerate(self.stances) if mode.resting == resting]
             if moving:
                 self.moving.append((np.ix_(rows, moving), np.ix_(rows, moving, moving)))
+
+    def _set_contexts(self, kinds: tuple[Kind, ...], contact_changes_ground_force: bool) -> None:
+        """Set the contexts of each mode, and their numbers."""
         self.contexts = tuple(tuple(_contexts(mode, kinds, contact_changes_ground_force)) for mode in self.modes)
         # the first mode with a context
         self.first_with = {context: m for m, contexts in reversed(list(enumerate(self.contexts)))
@@ -363,6 +372,9 @@ class ModeSet:
         self.distinct_contexts = tuple(dict.fromkeys(itertools.chain.from_iterable(self.contexts)))
         numbers = {context: k for k, context in enumerate(self.distinct_contexts)}
         self._context_numbers = [[numbers[context] for context in contexts] for contexts in self.contexts]
+
+    def _set_changes_of_mode(self, plates: tuple[str, ...]) -> None:
+        """Set the events that changes of mode record, and the modes that follow when a plate's speed changes."""
         # kinds of events, by mode before and mode after
         ground_and_bearing = [(mode.ground, mode.motor[0]) for mode in self.modes]
         pairs = list(dict.fromkeys(ground_and_bearing))

@@ -31,7 +31,7 @@ _CONTRACTIONS = 12
 _TERMS = 2 * LENGTH
 _ORDER = np.arange(_TERMS)
 _FACTORIAL = np.array([math.factorial(n) for n in range(_TERMS)], dtype=float)
-_BEYOND = economized_powers(LENGTH, _TERMS - LENGTH)
+_ECONOMIZED_POWERS = economized_powers(LENGTH, _TERMS - LENGTH)
 
 
 def _of_arrays(function: Callable[[float], float]) -> Callable[[Any], Any]:
@@ -119,8 +119,8 @@ def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -
         root[smooth] = _root_series(value, np.concatenate(square[smooth])).reshape(len(smooth), -1, _TERMS)
     series = cosine + root
     # Added term by term from the last on, because a product of matrices adds in any order.
-    beyond = (series[..., :LENGTH - 1:-1, None] * _BEYOND[::-1]).cumsum(axis=-2)[..., -1, :]
-    return series[..., :LENGTH] + (beyond + 0.0)  # no -0.0
+    economized = (series[..., :LENGTH - 1:-1, None] * _ECONOMIZED_POWERS[::-1]).cumsum(axis=-2)[..., -1, :]
+    return series[..., :LENGTH] + (economized + 0.0)  # no -0.0
 
 
 def _cosine_series(at: np.ndarray, half: np.ndarray, factor: float) -> np.ndarray:

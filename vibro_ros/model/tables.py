@@ -96,15 +96,9 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     flow_equations = [acceleration[:, :channels.coordinates if scene["effects.reaction"] else channels.dynamic]]
     if builder.motor:
         flow_equations.append(builder.algebraic_current()[:, None])
-    decay = Decay(np.empty(0, np.int64), np.empty((0, channels.count)), np.empty((0, channels.count), np.int64),
-                  np.empty(0))
-    if forms.friction_decays:
-        rate = np.array([builder.ground.decay_rate(mode.ground) for mode in builder.stances])
-        # The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s). Where the
-        # term moves the body, it is part of the flow.
+    if forms.friction_decays:  # where the decaying term moves the body, the term is part of the flow
+        rate, factor = _decaying_term(builder)
         slips = (rate != 0.0)[:, None]
-        factor = slips * builder.normal_force() + 0.0
-        decay = Decay(np.array([forms.body], np.int64), *mode_set.with_terms(factor), rate[stance])
         flow_equations += [factor[:, None], np.where(slips, acceleration[:, forms.body], 0.0)[:, None]]
     flow = flow_numbers(np.concatenate(flow_equations, axis=1))
     first = np.unique(flow, return_index=True)[1]  # stance of each flow
@@ -126,7 +120,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         mode_after_ramp_change=mode_set.mode_after_ramp_change,
         accounts=account_table(builder, scene, guards),
         signals=signal_table(sliders),
-        decay=decay,
+        decay=_decay_table(builder),
         rotor=_rotor(builder, scene, sliders),
         shock=shock,
     )
@@ -146,6 +140,22 @@ def _longest_segments(channels: Channels, rows: bytes, shape: tuple[int, ...]) -
     """Return `longest_segments` of the rows of dynamic coordinates, up to the channels of their own velocities; cached,
     because many parameters, such as those of guards and controller, do not change them."""
     return longest_segments(np.frombuffer(rows).reshape(shape), channels)
+
+
+def _decaying_term(builder: ModeBuilder) -> tuple[np.ndarray, np.ndarray]:
+    """Return the decaying term of Stribeck's law by stance, exp(-abs(x') / v_s) times the normal force of a slipping
+    body: the rate [s/m] of the exponent, shape (stances,), and the normal force, shape (stances, channels)."""
+    rate = np.array([builder.ground.decay_rate(mode.ground) for mode in builder.stances])
+    return rate, (rate != 0.0)[:, None] * builder.normal_force() + 0.0
+
+
+def _decay_table(builder: ModeBuilder) -> Decay:
+    """Return the table of the decaying friction; empty if no friction decays."""
+    forms, count = builder.forms, builder.forms.channels.count
+    if not forms.friction_decays:
+        return Decay(np.empty(0, np.int64), np.empty((0, count)), np.empty((0, count), np.int64), np.empty(0))
+    rate, factor = _decaying_term(builder)
+    return Decay(np.array([forms.body], np.int64), *builder.mode_set.with_terms(factor), rate[builder.mode_set.stance])
 
 
 def _rotor(builder: ModeBuilder, scene: Scene, sliders: tuple[Slider, ...]) -> Rotor:

@@ -84,16 +84,16 @@ def replace_file(path: Path, data: bytes) -> None:
 @contextmanager
 def replacement(path: Path) -> Iterator[BinaryIO]:
     """Context with a new file that replaces what is at `path`, even a link, unless an error ends it (OSError)."""
-    fresh = path.with_name(f".{path.name}.{os.urandom(8).hex()}")  # unguessable, so that no link can be put there
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+    temporary = path.with_name(f".{path.name}.{os.urandom(8).hex()}")  # unguessable, so that no link can be put there
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     try:
         with os.fdopen(descriptor, "wb") as file:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        fresh.replace(path)
+        temporary.replace(path)
     except BaseException:
-        fresh.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 

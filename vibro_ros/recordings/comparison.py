@@ -57,7 +57,7 @@ class Comparison:
     [s] of the last recorded sample that was compared.
     """
 
-    facts: RecordedRun
+    run: RecordedRun
     compared: Counter = field(default_factory=Counter)
     commands: int = 0
     missing: int = 0
@@ -73,36 +73,37 @@ def compare(stream: BagStream) -> Comparison:
     states that it dropped none, a message that is missing between others is a difference. BagError when the bag is
     damaged, or does not say what was simulated.
     """
-    facts = recorded_run(stream)
-    rerun = Rerun(facts, facts.scene)
-    comparing = _Comparing(stream, facts, rerun)
-    comparison = comparing.comparison
+    run = recorded_run(stream)
+    rerun = Rerun(run, run.scene)
+    comparer = _Comparer(stream, run, rerun)
+    comparison = comparer.comparison
     try:
         for tick, recorded in rerun.through(stream):
             if tick is None:
                 continue
-            comparison.difference = comparing.sample(recorded)
+            comparison.difference = comparer.sample(recorded)
             if comparison.difference:
                 break
             if recorded:
-                comparison.last = facts.time(tick)
+                comparison.last = run.time(tick)
     except StampError:
-        comparison.difference = comparing.difference("recorded stamp", rerun.stamp, facts.stamp(rerun.tick + 1))
+        comparison.difference = comparer.difference("recorded stamp", rerun.stamp, run.stamp(rerun.tick + 1))
     except SimulationError as error:
-        comparison.difference = comparing.difference("message", "a message", str(error))
+        comparison.difference = comparer.difference("message", "a message", str(error))
     comparison.commands = rerun.commands
     return comparison
 
 
-class _Comparing:
+class _Comparer:
     """Compares the messages of a run that is simulated again with the recorded ones."""
 
-    def __init__(self, stream: BagStream, facts: RecordedRun, rerun: Rerun):
-        self._facts, self._rerun = facts, rerun
-        self.comparison = Comparison(facts, notes=notes(stream, facts))
-        self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
+    def __init__(self, stream: BagStream, run: RecordedRun, rerun: Rerun):
+        self._run, self._rerun = run, rerun
+        self.comparison = Comparison(run, notes=notes(stream, run))
+        self._recorded = {name for name, topic in run.topics.items() if topic in stream.topics}
         self._may_be_missing = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
-        self._begun = facts.begins_late and facts.has_checkpoint  # samples after a checkpoint are complete
+        # from the first complete sample on, such as that of a checkpoint
+        self._counts_missing = run.begins_late and run.has_checkpoint
         self._matched: Counter = Counter()  # messages of the present sample that are equal, by topic
         self._missing: list[tuple[str, int]] = []  # missing messages after others that are there: topic, sample
 
@@ -111,69 +112,70 @@ class _Comparing:
         published = self._rerun.published()
         self._matched.clear()
         if not recorded:
-            self._note_missing([name for name, _ in published], self._begun)
+            if self._counts_missing:
+                self._note_missing([name for name, _ in published])
             return None
         if self._missing and not self._may_be_missing:
             name, tick = self._missing[0]
-            return self.difference("message", ABSENT, "a message", name, self._facts.stamp(tick))
+            return self.difference("message", ABSENT, "a message", name, self._run.stamp(tick))
         self.comparison.missing += len(self._missing)
         self._missing.clear()
         return self._match(recorded, published)
 
     def _match(self, recorded: Recorded, published: Recorded) -> Difference | None:
-        begun, self._begun = self._begun, True
+        counts_missing, self._counts_missing = self._counts_missing, True
         expected: dict[str, list[bytes]] = {}
         for name, data in published:
             expected.setdefault(name, []).append(data)
         for name, data in recorded:
             if name in INPUTS or name == CHECKPOINT:
                 continue
-            waiting = [self._rerun.latched[name]] if name in self._rerun.latched else expected.get(name, [])
-            differences = [first_difference(data, other, TOPICS[name].type) for other in waiting]
+            candidates = [self._rerun.latched[name]] if name in self._rerun.latched else expected.get(name, [])
+            differences = [first_difference(data, candidate, TOPICS[name].type) for candidate in candidates]
             if None not in differences:
-                where, was, is_now = (differences and differences[0]) or ("message", "a message", ABSENT)
-                return self.difference(where, was, is_now, name)
+                place, was, is_now = (differences and differences[0]) or ("message", "a message", ABSENT)
+                return self.difference(place, was, is_now, name)
             skipped = differences.index(None)
-            self._note_missing([name] * skipped, begun)
-            del waiting[:skipped + 1]
+            if counts_missing:
+                self._note_missing([name] * skipped)
+            del candidates[:skipped + 1]
             self._matched[name] += 1
-            self.comparison.compared[self._facts.topics[name]] += 1
+            self.comparison.compared[self._run.topics[name]] += 1
         # A bag may end amid a sample, so missing messages count only when later ones follow.
-        self._note_missing([name for name, waiting in expected.items() for _ in waiting], begun)
+        if counts_missing:
+            self._note_missing([name for name, candidates in expected.items() for _ in candidates])
         return None
 
-    def _note_missing(self, names: list[str], begun: bool) -> None:
-        if begun:
-            self._missing += [(name, self._rerun.tick) for name in names if name in self._recorded]
+    def _note_missing(self, names: list[str]) -> None:
+        self._missing += [(name, self._rerun.tick) for name in names if name in self._recorded]
 
-    def difference(self, where: str, recorded: object, replayed: object, name: str = "",
+    def difference(self, place: str, recorded: object, replayed: object, name: str = "",
                    stamp: int | None = None) -> Difference:
         """Return a difference in a message on the topic `name`, by default that of the first message of the sample."""
         matched = self._matched[name] if name else 0
         name = name or self._rerun.recorded[0][0]
         stamp = self._rerun.stamp if stamp is None else stamp
-        index = where.rpartition("[")[2].rstrip("]")
-        joints = joints_of(self._facts.scene)
+        index = place.rpartition("[")[2].rstrip("]")
+        joints = joints_of(self._run.scene)
         if name == "joint_states" and index.isdigit() and int(index) < len(joints):
-            where = f"{where} ({joints[int(index)]})"
-        return Difference(self._facts.topics[name], self._rerun.seen[name] + matched, stamp,
-                          (stamp - self._facts.start) * 1e-9, where, recorded, replayed)
+            place = f"{place} ({joints[int(index)]})"
+        return Difference(self._run.topics[name], self._rerun.seen[name] + matched, stamp,
+                          (stamp - self._run.start) * 1e-9, place, recorded, replayed)
 
 
-def notes(stream: BagStream, facts: RecordedRun) -> list[str]:
-    """Return in words the facts about the bag that may make a replay differ from it."""
-    sentences, recorded = [], stream.metadata
-    present = {**software(), "tables": tables(facts.scene.parameters)}
-    sentences += [f"recorded with {key.replace('_', ' ')} {recorded[key]}, replayed with {now}: bits may differ"
-                  for key, now in present.items() if recorded.get(key, now) != now]
+def notes(stream: BagStream, run: RecordedRun) -> list[str]:
+    """Return a sentence for each property of the bag that may make a replay differ from it."""
+    recorded, present = stream.metadata, {**software(), "tables": tables(run.scene.parameters)}
+    sentences = [f"recorded with {key.replace('_', ' ')} {recorded[key]}, replayed with {now}: bits may differ"
+                 for key, now in present.items() if recorded.get(key, now) != now]
     if unsaid := [key.replace("_", " ") for key in present if key not in recorded]:
         sentences.append(f"the bag does not say its {', '.join(unsaid)}: where they differ, bits may")
-    if facts.lacks_beginning:
-        sentences.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: "
+    if run.lacks_beginning:
+        sentences.append(f"the bag begins {(stream.start - run.start) * 1e-9:.3f} s after the robot started: "
                          "commands before are unknown")
-    sentences += [f"what came on {facts.topics.get(name, name)} was not recorded" for name in INPUTS
-                  if facts.topics.get(name) not in stream.topics
-                  and (name in facts.topics or (name in COMMAND_UNITS and name not in OF_DC_MOTOR))]  # not in every bag
+    sentences += [f"what came on {run.topics.get(name, name)} was not recorded" for name in INPUTS
+                  if run.topics.get(name) not in stream.topics
+                  and (name in run.topics or (name in COMMAND_UNITS and name not in OF_DC_MOTOR))]  # not in every bag
     if recorded.get("dropped", "0") != "0":
         sentences.append(f"{recorded['dropped']} messages dropped; a command may be among them")
     if stream.flaws:

@@ -18,7 +18,7 @@ RECEIVED = {"motor_delivered": 1.0, "motor_taken_back": -1.0, "plates": 1.0, "un
 RECEIVED_BY_DC = {"supply": 1.0, "plates": 1.0, "unpaid": 1.0}
 LOST = ("drive_dampers", "plate_dampers", "friction", "blows", "landings", "copper", "bearing")
 
-_SILENCE = 2.0  # s, until the progress bar is shown
+_BAR_DELAY = 2.0  # s, until the progress bar is shown
 
 
 def energy_of(bag: Bag) -> dict[str, Any]:
@@ -42,56 +42,63 @@ def energy_of(bag: Bag) -> dict[str, Any]:
         return {"unknown": str(reason)}
 
 
-def _energy(bag: Bag, stream: BagStream, facts: RecordedRun) -> dict[str, Any]:
-    if (method := facts.scene["solver.method"]) != "exact":
+def _energy(bag: Bag, stream: BagStream, run: RecordedRun) -> dict[str, Any]:
+    if (method := run.scene["solver.method"]) != "exact":
         raise BagError(f"the accounts need solver.method exact; the run was recorded with {method}")
-    times = bag["odom"]["time"]
+    body = bag["odom"]
+    times, x = body["time"], body["position"][:, 0]
     if not len(times):
         raise BagError("no odometry is recorded")
-    first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
+    first, last = (run.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
     if first is None or last is None:
         raise BagError("the stamps of its odometry are not those of the robot's samples")
-    if facts.lacks_beginning:
+    if run.lacks_beginning:
         raise BagError("the recording begins after the robot's start, without a checkpoint")
-    rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
-    if not facts.begins_late:
-        _check_span(stream, facts, last - rerun.tick, len(times))
-    held: dict[str, float] = {}  # accounts [J] since the robot's start, summed over resets
-    at_first, of_earlier_runs, resets = held, held, 0
+    rerun = Rerun(run, run.scene.with_parameters({"solver.accounts": True}))
+    first, accounts = _accounts(rerun, stream, run, first, last, len(times))
+    if rerun.device.state.body_position != x[-1]:
+        raise BagError("simulated again, the run is not the recorded one; `replay` tells where they part")
+    displacement = float(differences_between_resets(times, x, reset_times(bag["joint_states"])).sum())
+    duration = run.time(last - first)
+    work = accounts.get("supply", accounts["motor_delivered"] - accounts["motor_taken_back"])
+    transport = run.scene.total_mass * run.scene["gravity"] * abs(displacement)  # weight times displacement [J]
+    return {"duration": duration, "accounts": accounts, "mean_power": work / duration if duration else None,
+            "cost_of_transport": work / transport if transport else None}
+
+
+def _accounts(rerun: Rerun, stream: BagStream, run: RecordedRun, first: int, last: int,
+              recorded: int) -> tuple[int, dict[str, float]]:
+    """Simulate the run to the sample `last`; return the sample from which its accounts count, and their changes [J].
+
+    The accounts count from the sample `first`, or from a later one at which the bag has its first checkpoint.
+    `recorded` is the number of messages of odometry.
+    """
+    if not run.begins_late:
+        _check_span(stream, run, last - rerun.tick, recorded)
+    accounts: dict[str, float] = {}  # since the robot's start, summed over resets
+    at_first, of_earlier_runs, resets = accounts, accounts, 0
     samples = rerun.through(stream, (*INPUTS, CHECKPOINT), until=last)
-    for tick, recorded in tqdm(samples, total=last, desc="energy", unit=" samples", delay=_SILENCE):
+    for tick, messages in tqdm(samples, total=last, desc="energy", unit=" samples", delay=_BAR_DELAY):
         if rerun.tick < 0:  # before the bag's first checkpoint
             continue
         if tick is None:
             first = max(first, rerun.tick)
-            _check_span(stream, facts, last - rerun.tick, len(times))
+            _check_span(stream, run, last - rerun.tick, recorded)
         if rerun.resets > resets:
-            of_earlier_runs, resets = held, rerun.resets
-        if rerun.tick in (first, last) or any(name == OPERATIONS for name, _ in recorded):
-            now = rerun.device.statistics["energy_accounts"]
-            held = {name: amount + of_earlier_runs.get(name, 0.0) for name, amount in now.items()}
+            of_earlier_runs, resets = accounts, rerun.resets
+        if rerun.tick in (first, last) or any(name == OPERATIONS for name, _ in messages):
+            of_this_run = rerun.device.statistics["energy_accounts"]
+            accounts = {name: amount + of_earlier_runs.get(name, 0.0) for name, amount in of_this_run.items()}
         if rerun.tick == first:
-            at_first = held
+            at_first = accounts
         if rerun.tick == last:
-            break
-    else:
-        raise BagError("no odometry follows its first checkpoint")
-    body = bag["odom"]
-    x = body["position"][:, 0]
-    if rerun.device.state.body_position != x[-1]:
-        raise BagError("simulated again, the run is not the recorded one; `replay` tells where they part")
-    moved = differences_between_resets(body["time"], x, reset_times(bag["joint_states"])).sum()
-    accounts = {name: amount - at_first[name] for name, amount in held.items()}
-    net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
-    net = accounts.get("supply", net)
-    carried = facts.scene.total_mass * facts.scene["gravity"] * abs(float(moved))
-    return {"duration": duration, "accounts": accounts, "mean_power": net / duration if duration else None,
-            "cost_of_transport": net / carried if carried else None}
+            return first, {name: amount - at_first[name] for name, amount in accounts.items()}
+    raise BagError("no odometry follows its first checkpoint")
 
 
-def _check_span(stream: BagStream, facts: RecordedRun, samples: int, recorded: int) -> None:
-    """Raise a BagError if the bag has far fewer messages than `samples`; `recorded` is the number of odometry."""
-    if samples > most_ticks(stream, facts):
+def _check_span(stream: BagStream, run: RecordedRun, samples: int, recorded: int) -> None:
+    """Raise a BagError if the bag has far fewer messages than `samples`; `recorded` counts those of odometry."""
+    if samples > most_ticks(stream, run):
         raise BagError(f"only {recorded} of {samples} samples of odometry are recorded")
 
 

@@ -49,8 +49,8 @@ def _compare(bag: Path) -> int:
     with BagStream(bag) as stream:
         comparison = compare(stream)
         flaws = stream.flaws
-        if comparison.difference and comparison.facts.lacks_beginning:
-            late = (stream.start - comparison.facts.start) * 1e-9
+        if comparison.difference and comparison.run.lacks_beginning:
+            late = (stream.start - comparison.run.start) * 1e-9
             raise BagError(f"{bag}: cannot be replayed: it begins {late:.3f} s after the robot's start and holds no "
                            "checkpoint, so that what the robot received before is unknown; give a bag of the run's "
                            "beginning, or one with ~/checkpoint")
@@ -95,34 +95,27 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
     why the simulation could not go on to the end; empty when it could. BagError when the recording cannot be read, or
     does not say what was simulated; ValueError for a bad change; OSError when the new bag cannot be written.
     """
-    of_node = {parameter.name for parameter in DEVICE_PARAMETERS}
-    for name, value in changes.items():
-        if name in of_node:  # commands are replayed by sample, so the rate is fixed
-            raise ValueError(f"{name}={value}: is a parameter of the node, which the recording fixes; change one of "
-                             f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
+    _refuse_parameters_of_node(changes)
     with BagStream(bag) as stream:
-        facts = recorded_run(stream)
-        scene = facts.scene.with_parameters(changes)
-        facts = replace(facts, topics=_sensor_topics(facts, scene) | facts.topics)
-        if facts.begins_late:
-            raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
+        run = recorded_run(stream)
+        scene = run.scene.with_parameters(changes)
+        run = replace(run, topics=_sensor_topics(run, scene) | run.topics)
+        if run.begins_late:
+            raise BagError(f"{bag}: begins {(stream.start - run.start) * 1e-9:.3f} s after the robot started, and "
                            "what another would have done until then is unknown; give a bag of the run's beginning")
-        rerun = Rerun(facts, scene)
-        topics = _topics(stream, facts)
-        whole = stream.folder.resolve()
-        folders = (whole.with_name(f"{whole.name}_replay{suffix}") for suffix in
-                   chain([""], (f"_{number}" for number in count(2))))
-        custom = {"scene": rerun.scene.name, "topics": json.dumps(facts.topics),
-                  **provenance({**facts.settings, **rerun.scene.parameters}, facts.start),
-                  "replay_of": whole.name, "changes": json.dumps(dict(changes))}
-        writer = BagWriter(next(folder for folder in folders if not os.path.lexists(folder)),
-                           defined([*topics.values()]), custom, Storage())
+        rerun = Rerun(run, scene)
+        topics = _topics(stream, run)
+        original = stream.folder.resolve()
+        custom = {"scene": rerun.scene.name, "topics": json.dumps(run.topics),
+                  **provenance({**run.settings, **rerun.scene.parameters}, run.start),
+                  "replay_of": original.name, "changes": json.dumps(dict(changes))}
+        writer = BagWriter(_free_folder(original), defined([*topics.values()]), custom, Storage())
         writer.latch([(topics[name].name, data) for name, data in rerun.latched.items() if name in topics])
         try:
             for _, recorded in rerun.through(stream):
                 inputs = [(name, data) for name, data in recorded if name in INPUTS]
                 for name, data in (*rerun.published(), *inputs):
-                    writer.write(facts.topics[name], facts.stamp(rerun.tick), data)
+                    writer.write(run.topics[name], run.stamp(rerun.tick), data)
             return writer.folder, ""
         except SimulationError as error:
             return writer.folder, str(error)
@@ -131,9 +124,25 @@ def what_if(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
             writer.close({"written": str(writer.stored), "dropped": "0", "lost": "0"})
 
 
-def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
+def _refuse_parameters_of_node(changes: Mapping[str, object]) -> None:
+    """Refuse changes that are not of the scene: commands are replayed by sample, so that the node's rate is fixed."""
+    of_node = {parameter.name for parameter in DEVICE_PARAMETERS}
+    for name, value in changes.items():
+        if name in of_node:
+            raise ValueError(f"{name}={value}: is a parameter of the node, which the recording fixes; change one of "
+                             f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
+
+
+def _free_folder(original: Path) -> Path:
+    """Return a folder that does not exist, beside the bag `original` and named after it."""
+    suffixes = chain([""], (f"_{number}" for number in count(2)))
+    folders = (original.with_name(f"{original.name}_replay{suffix}") for suffix in suffixes)
+    return next(folder for folder in folders if not os.path.lexists(folder))
+
+
+def _topics(stream: BagStream, run: RecordedRun) -> dict[str, Topic]:
     """Return the topics of the new bag: those of the recorded robot, with their recorded names."""
-    names = facts.topics
+    names = run.topics
     if missing := [name for name in (*SAMPLED, "impacts", *COMMAND_UNITS)
                    if name not in names and name not in OF_DC_MOTOR]:
         raise BagError(f"{stream.folder}: says nothing of the topics {', '.join(missing)}; give a bag that the robot "
@@ -143,10 +152,10 @@ def _topics(stream: BagStream, facts: RecordedRun) -> dict[str, Topic]:
             if name in names and name != CHECKPOINT}
 
 
-def _sensor_topics(facts: RecordedRun, scene: Scene) -> dict[str, str]:
+def _sensor_topics(run: RecordedRun, scene: Scene) -> dict[str, str]:
     """Return names for the topics of a scene's sensors, which the recorded robot may lack; with the prefix of odom."""
     names = [SENSOR_TOPICS[sensor] for sensor in sensors_on(scene)]
-    return {name: f"{facts.topics['odom'].removesuffix('odom')}{name}" for name in names if "odom" in facts.topics}
+    return {name: f"{run.topics['odom'].removesuffix('odom')}{name}" for name in names if "odom" in run.topics}
 
 
 def _parser() -> Parser:

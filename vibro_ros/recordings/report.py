@@ -78,11 +78,12 @@ def _parser() -> Parser:
     return parser
 
 
-MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
-FEW = 3000  # most impacts drawn as marks over the whole run; of more, each is a pixel
-FAR = 10.0  # m, displacement from which the axis is in metres
-STRONG = 8.0  # peak force over the 95 % quantile from which the scale is logarithmic, because a linear one hides most
-MM = 1e3  # mm/m
+CLOSE_UP = 0.3  # s, length of the close-up; about five crank turns at 100 rad/s
+MOST_MARKS = 3000  # most impacts drawn as marks over the whole run; each of more impacts is a pixel
+LEAST_IN_METRES = 10.0  # m, displacement from which the axis is in metres
+LOGARITHMIC_FROM = 8.0
+"""Peak force over the 95 % quantile from which the scale is logarithmic: a linear one would hide most forces."""
+MM_PER_M = 1e3  # mm/m
 MOST_MEANS = 240  # most means over whole turns of the crank
 TINT = 0.3  # share of a colour in a pale one, which is opaque, so that it does not mix with what lies below
 
@@ -90,7 +91,7 @@ TINT = 0.3  # share of a colour in a pale one, which is opaque, so that it does 
 _BODY, _MOTOR, _POWER, _FORCE, _HEIGHT = "#000000", "#009e73", "#aa4499", "#7a5c00", "#56788f"
 _GUIDE_COLOURS = {"upper": "#0072b2", "inclined": "#d55e00"}
 _GUIDE_MARKS = {"upper": "v", "inclined": "^"}
-_GRID, _FRAME, _TEXT, _MARKED, _AIR = "#e8e8e8", "#b0b0b0", "#404040", "#ececec", "#dcebf5"
+_GRID, _FRAME, _TEXT, _CLOSE_UP, _AIR = "#e8e8e8", "#b0b0b0", "#404040", "#ececec", "#dcebf5"
 
 _NONE = "N \N{LESS-THAN OR EQUAL TO} 0"
 
@@ -102,9 +103,9 @@ Panel = Callable[[Axes, Bag, Span], None]
 def plot_run(bag: Bag, caption: str = "") -> Figure:
     """Plot body, masses, impacts, ground, motor and power over time [s]; panels without data are left out.
 
-    The whole run is on the left, `MOMENT` seconds of it on the right; `caption` is a line under the title.
+    The whole run is on the left, `CLOSE_UP` seconds of it on the right; `caption` is a line under the title.
     """
-    whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
+    whole, close_up, panels = (0.0, max(bag.duration, 1e-3)), _close_up(bag), list(_panels(bag))
     height = 1.3 + 1.75 * len(panels)
     figure = new_figure(13.0, height, 120, layout=None)
     heading = set_heading(figure, f"{bag.path.name}\n{caption}", 10, color=_TEXT)
@@ -116,15 +117,15 @@ def plot_run(bag: Bag, caption: str = "") -> Figure:
                            top=(0.55 + 1.75 * len(panels)) / height, wspace=0.24, hspace=0.42)
     axes = figure.subplots(len(panels), 2, sharex="col", width_ratios=(3, 2), squeeze=False)
     for row, draw in zip(axes, panels, strict=True):
-        for axis, span in zip(row, (whole, moment), strict=True):
+        for axis, span in zip(row, (whole, close_up), strict=True):
             draw(axis, bag, span)
-            _tidy(axis, span)
-        row[0].axvspan(*moment, color=_MARKED, lw=0, zorder=0)
-        for edge in moment:
+            _style(axis, span)
+        row[0].axvspan(*close_up, color=_CLOSE_UP, lw=0, zorder=0)
+        for edge in close_up:
             row[0].axvline(edge, color=_TEXT, lw=0.6, ls=(0, (2, 2)), zorder=3)
     for axis in axes[-1]:
         axis.set_xlabel("time from start of recording [s]", color=_TEXT)
-    for axis, title in zip(axes[0], ("the whole recording", f"the {np.ptp(moment):.2g} s marked on the left"),
+    for axis, title in zip(axes[0], ("the whole recording", f"the {np.ptp(close_up):.2g} s marked on the left"),
                            strict=True):
         axis.set_title(title, fontsize=10, color=_TEXT, loc="right")
     figure.align_ylabels(axes)
@@ -154,27 +155,27 @@ def _impacts(bag: Bag) -> Arrays:
     return bag["impacts"] if "impacts" in bag else none
 
 
-def _moment(bag: Bag) -> Span:
+def _close_up(bag: Bag) -> Span:
     """Return the span of the close-up: around the median of the impacts while the motor is fast."""
     joints, impacts = bag["joint_states"], _impacts(bag)["stamp"]
     speed = np.abs(joints["crank.velocity"])
     fast = impacts[np.interp(impacts, joints["time"], speed) >= 0.9 * speed.max()]
     centre = np.median(fast) if len(fast) else joints["time"][np.argmax(speed)]
-    begin = float(np.clip(centre - MOMENT / 2, 0.0, max(bag.duration - MOMENT, 0.0)))
-    return begin, begin + min(MOMENT, max(bag.duration, 1e-3))
+    begin = float(np.clip(centre - CLOSE_UP / 2, 0.0, max(bag.duration - CLOSE_UP, 0.0)))
+    return begin, begin + min(CLOSE_UP, max(bag.duration, 1e-3))
 
 
 def _draw_body(axes: Axes, bag: Bag, span: Span) -> None:
     body = bag["odom"]
     x = body["position"][:, 0]
-    unit, scale = ("mm", MM) if np.ptp(x) < FAR else ("m", 1.0)
+    unit, scale = ("mm", MM_PER_M) if np.ptp(x) < LEAST_IN_METRES else ("m", 1.0)
     line(axes, body["time"], (x - x[0]) * scale, span, color=_BODY)
     axes.set_ylabel(f"body displacement [{unit}]")
 
 
 def _draw_height(axes: Axes, bag: Bag, span: Span) -> None:
     body = bag["odom"]
-    _swings(axes, body["time"], body["position"][:, 2] * MM, span, _HEIGHT, "height")
+    _draw_oscillation(axes, body["time"], body["position"][:, 2] * MM_PER_M, span, _HEIGHT, "height")
     _shade_air(axes, bag, span)
     axes.set_ylabel("body height [mm]")
 
@@ -188,18 +189,18 @@ def _draw_mass(guide: str, axes: Axes, bag: Bag, span: Span) -> None:
     contacts = contact_positions = np.array([])
     if f"{guide}_plate.position" in joints:
         plate = joints[f"{guide}_plate.position"]
-        line(axes, joints["time"], plate * MM, span, color=_BODY, lw=1.0, ls=(0, (4, 2)), label="its plate")
+        line(axes, joints["time"], plate * MM_PER_M, span, color=_BODY, lw=1.0, ls=(0, (4, 2)), label="its plate")
         if len(impacts["stamp"]):
             contacts = impacts["stamp"][impacts_of(bag, guide)]
             contact_positions = np.interp(contacts, joints["time"], plate)
     time = np.concatenate([joints["time"], contacts])
     order = np.argsort(time, kind="stable")
-    position = np.concatenate([joints[f"{guide}_mass.position"], contact_positions])[order] * MM
-    _swings(axes, time[order], position, span, colour, f"{guide} mass")
-    if _is_moment(span) and len(contacts):
+    position = np.concatenate([joints[f"{guide}_mass.position"], contact_positions])[order] * MM_PER_M
+    _draw_oscillation(axes, time[order], position, span, colour, f"{guide} mass")
+    if _is_close_up(span) and len(contacts):
         shown = (contacts >= span[0]) & (contacts <= span[1])
-        axes.plot(contacts[shown], contact_positions[shown] * MM, _GUIDE_MARKS[guide], color=colour, ms=7, mec="white",
-                  mew=0.7, label="impact, at the plate", zorder=4)
+        axes.plot(contacts[shown], contact_positions[shown] * MM_PER_M, _GUIDE_MARKS[guide], color=colour, ms=7,
+                  mec="white", mew=0.7, label="impact, at the plate", zorder=4)
     axes.margins(y=0.12)
     axes.set_ylabel(f"{guide} mass [mm]")
 
@@ -207,23 +208,23 @@ def _draw_mass(guide: str, axes: Axes, bag: Bag, span: Span) -> None:
 def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
     impacts = _impacts(bag)
     shown = (impacts["stamp"] >= span[0]) & (impacts["stamp"] <= span[1])
+    size, edge_width = (7, 0.7) if _is_close_up(span) else (3, 0.0)
     for guide, colour in _GUIDE_COLOURS.items():
         of_guide = shown & impacts_of(bag, guide)
         time, force = impacts["stamp"][of_guide], impacts["force"][of_guide, 2]
         if len(time):
-            few = len(time) <= FEW  # many marks would hide those of the other guide
-            axes.plot(time, force, _GUIDE_MARKS[guide] if few else ",", color=colour, ms=7 if _is_moment(span) else 3,
-                      mec="white" if few else colour, mew=0.7 if _is_moment(span) else 0.0, label=f"{guide} impacts",
-                      zorder=3)
+            marked = len(time) <= MOST_MARKS  # more marks would hide those of the other guide
+            axes.plot(time, force, _GUIDE_MARKS[guide] if marked else ",", color=colour, ms=size, mew=edge_width,
+                      mec="white" if marked else colour, label=f"{guide} impacts", zorder=3)
     axes.set_ylim(0.0, 1.12 * max(1.0, impacts["force"][:, 2].max()))
     axes.set_ylabel("peak force [N]")
 
 
 def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
     time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
-    _swings(axes, time, force, span, _FORCE, "N")
+    _draw_oscillation(axes, time, force, span, _FORCE, "N")
     usual = float(np.percentile(np.abs(force), 95))
-    if usual > 0.0 and np.abs(force).max() > STRONG * usual:  # logarithmic beyond the 95 % quantile
+    if usual > 0.0 and np.abs(force).max() > LOGARITHMIC_FROM * usual:  # logarithmic beyond the 95 % quantile
         axes.set_yscale("symlog", linthresh=usual)
         powers = 10.0 ** np.arange(np.ceil(np.log10(usual)), 1 + np.ceil(np.log10(np.abs(force).max())))
         axes.set_yticks([*-powers[::-1], 0.0, *powers])
@@ -257,30 +258,30 @@ def _draw_motor(axes: Axes, bag: Bag, span: Span) -> None:
 
 def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
     power, joints = bag["motor_power"], bag["joint_states"]
-    _swings(axes, power["time"], power["value"], span, _POWER, "power")
-    if not _is_moment(span):
+    _draw_oscillation(axes, power["time"], power["value"], span, _POWER, "power")
+    if not _is_close_up(span):
         mean = mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"])
         axes.plot(*mean, color=_BODY, lw=1.4, label="mean over whole turns", zorder=2)
     axes.axhline(0.0, color=_FRAME, lw=0.8, zorder=1)
     axes.set_ylabel("motor power [W]")
 
 
-def _swings(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, colour: str, label: str) -> None:
+def _draw_oscillation(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, colour: str, label: str) -> None:
     """Draw a fast oscillation; over a long span its line fills the range of the oscillation, and is pale."""
     tinted = tuple(1.0 - TINT * (1.0 - part) for part in to_rgb(colour))
-    style = {"marker": ".", "ms": 4} if _is_moment(span) else {}
+    style = {"marker": ".", "ms": 4} if _is_close_up(span) else {}
     line(axes, time, values, span, color=colour if _is_short(span) else tinted, label=label, zorder=1.5, **style)
 
 
 def _is_short(span: Span) -> bool:
-    return span[1] - span[0] <= 10 * MOMENT
+    return span[1] - span[0] <= 10 * CLOSE_UP
 
 
-def _is_moment(span: Span) -> bool:
-    return span[1] - span[0] < 1.5 * MOMENT
+def _is_close_up(span: Span) -> bool:
+    return span[1] - span[0] < 1.5 * CLOSE_UP
 
 
-def _tidy(axes: Axes, span: Span) -> None:
+def _style(axes: Axes, span: Span) -> None:
     axes.set_xlim(*span)
     axes.grid(color=_GRID, lw=0.8)
     axes.set_axisbelow(True)

@@ -140,24 +140,24 @@ class Rerun:
     messages by topic.
     """
 
-    def __init__(self, facts: RecordedRun, scene: Scene):
+    def __init__(self, run: RecordedRun, scene: Scene):
         self.tick = -1
         self.origin = self.commands = self.resets = self.stamp = 0
         self.recorded: Recorded = []
         self.seen: Counter[str] = Counter()
-        self._facts = facts
+        self._run = run
         self.device = new_device(scene)
         self.scene = self.device.scene
-        settings = facts.settings
+        settings = run.settings
         self._messages = RobotMessages(
-            scene, settings["frame_prefix"], settings["tf.publish"] if "tf" in facts.topics else NONE,
-            [settings[name] for name in VARIANCES], facts.topics if settings["ros2_control"] else {})
-        self.latched = dict(self._messages.once(facts.start))
+            scene, settings["frame_prefix"], settings["tf.publish"] if "tf" in run.topics else NONE,
+            [settings[name] for name in VARIANCES], run.topics if settings["ros2_control"] else {})
+        self.latched = dict(self._messages.once(run.start))
 
     @property
     def rate(self) -> float:
         """Samples per simulated second [Hz]."""
-        return self._facts.rate
+        return self._run.rate
 
     def through(self, stream: BagStream, names: Collection[str] | None = None,
                 until: int = -1) -> Iterator[tuple[int | None, Recorded]]:
@@ -172,11 +172,11 @@ class Rerun:
         StampError when a stamp is not that of a sample, or so far ahead that it would cost years of simulation.
         BagError when the bag's first checkpoint is not valid. SimulationError when the run cannot go on.
         """
-        most, headed = most_ticks(stream, self._facts), self._are_headed(stream, names)
-        is_late = self._facts.begins_late and self._facts.has_checkpoint
+        most, headed = most_ticks(stream, self._run), self._are_headed(stream, names)
+        is_late = self._run.begins_late and self._run.has_checkpoint
         failure: SimulationError | None = None
-        for stamp, recorded in ticks(stream, self._facts, names):
-            self.stamp, self.recorded, tick = stamp, recorded, self._facts.tick(stamp)
+        for stamp, recorded in ticks(stream, self._run, names):
+            self.stamp, self.recorded, tick = stamp, recorded, self._run.tick(stamp)
             if failure:
                 raise failure
             if is_late and tick is not None:
@@ -205,11 +205,11 @@ class Rerun:
 
         Topics of a dc motor that the recorded robot did not have are left out.
         """
-        device, start = self.device, self._facts.stamp(self.origin)
+        device, start = self.device, self._run.stamp(self.origin)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
         messages = self._messages.of_sample(device.values, device.take_events(), measurements,
-                                         self._facts.stamp(self.tick), partial(stamp_at, start))
-        return [message for message in messages if message[0] not in OF_DC_MOTOR or message[0] in self._facts.topics]
+                                         self._run.stamp(self.tick), partial(stamp_at, start))
+        return [message for message in messages if message[0] not in OF_DC_MOTOR or message[0] in self._run.topics]
 
     def go_to(self, tick: int) -> None:
         """Advance to a sample, which must not lie behind (SimulationError when the run cannot go on).
@@ -219,9 +219,9 @@ class Rerun:
         self.tick = tick
         if tick < self.origin:
             return
-        until, most = self._facts.time(tick - self.origin), 0
+        until, most = self._run.time(tick - self.origin), 0
         while until - self.device.time > _PART:
-            samples = math.ceil((until - self.device.time) * self._facts.rate)
+            samples = math.ceil((until - self.device.time) * self._run.rate)
             most = most or self.device.statistics["steps"] + MOST_STEPS * samples
             self.device.advance_to(self.device.time + _PART)
             if self.device.statistics["steps"] > most:
@@ -233,10 +233,10 @@ class Rerun:
         """Restore the device from a checkpoint recorded at the sample `tick` (ValueError if it is not valid)."""
         self.device.restore(np.array(deserialised(data, TOPICS[CHECKPOINT].type).data))
         time = self.device.time  # since the last reset
-        since = round(min(time * self._facts.rate, tick + 1.0))
-        if not 0 <= since <= tick or time != self._facts.time(since):
+        since = round(min(time * self._run.rate, tick + 1.0))
+        if not 0 <= since <= tick or time != self._run.time(since):
             raise ValueError(f"the checkpoint is of {time:.9g} s, which is no sample's time up to "
-                             f"{self._facts.time(tick):.9g} s")
+                             f"{self._run.time(tick):.9g} s")
         self.tick, self.origin = tick, tick - since
 
     def receive(self, name: str, data: bytes) -> str:
@@ -258,7 +258,7 @@ class Rerun:
 
     def _are_headed(self, stream: BagStream, names: Collection[str] | None) -> bool:
         """Return whether the messages to be read include some whose headers have the recorded stamp."""
-        return any(self._facts.topics.get(name) in stream.topics for name in STAMPED if names is None or name in names)
+        return any(self._run.topics.get(name) in stream.topics for name in STAMPED if names is None or name in names)
 
     def _checked(self, stream: BagStream, tick: int | None, most: int, headed: bool) -> int:
         """Check that the run can have reached the sample `tick` of `stamp`, and return it (StampError).
@@ -271,7 +271,7 @@ class Rerun:
         if tick > most:
             raise StampError(f"{stream.folder}: its stamp {self.stamp} is that of sample {tick}, and its messages are "
                              f"of {most} samples at most; give a bag with the robot's own stamps")
-        if headed and tick - self.tick >= LONGEST_PAUSE * self._facts.rate:
+        if headed and tick - self.tick >= LONGEST_PAUSE * self._run.rate:
             try:
                 headers = [deserialised(data, TOPICS[name].type).header.stamp for name, data in self.recorded
                            if name in STAMPED]
@@ -298,7 +298,7 @@ class Rerun:
         for name, data in self.recorded:
             if name in INPUTS and begun:
                 if unreadable := self.receive(name, data):
-                    stream.unreadable.add(self._facts.topics[name], self.seen[name], self.stamp, unreadable)
+                    stream.unreadable.add(self._run.topics[name], self.seen[name], self.stamp, unreadable)
                 self.commands += not unreadable and name in COMMANDS
             self.seen[name] += 1
 
@@ -309,30 +309,30 @@ class Rerun:
                 self.device.command(**{argument: value})
 
 
-def _begins_late(stream: BagStream, facts: RecordedRun) -> bool:
+def _begins_late(stream: BagStream, run: RecordedRun) -> bool:
     """Return whether a bag lacks its run's beginning.
 
     A bag with checkpoints that has the beginning has a checkpoint of the first sample. A bag that was begun while the
     robot was paused at the first sample has stamps of that sample, but lacks what the robot had received before.
     """
-    if stream.start > facts.start or facts.topics.get(CHECKPOINT) not in stream.topics:
-        return stream.start > facts.start
-    return next((stamp > facts.start for stamp, _ in ticks(stream, facts, (CHECKPOINT,))), False)
+    if stream.start > run.start or run.topics.get(CHECKPOINT) not in stream.topics:
+        return stream.start > run.start
+    return next((stamp > run.start for stamp, _ in ticks(stream, run, (CHECKPOINT,))), False)
 
 
-def most_ticks(stream: BagStream, facts: RecordedRun) -> int:
+def most_ticks(stream: BagStream, run: RecordedRun) -> int:
     """Return the largest plausible number of samples for a bag's messages; false stamps could cost years."""
-    recorded = max((stream.topics[facts.topics[name]].messages for name in SAMPLED
-                    if facts.topics.get(name) in stream.topics), default=0)
+    recorded = max((stream.topics[run.topics[name]].messages for name in SAMPLED
+                    if run.topics.get(name) in stream.topics), default=0)
     if not recorded:
-        return min(round(LONGEST_UNSAMPLED * facts.rate), MOST_UNSAMPLED)
-    return round(4 * recorded + LONGEST_PAUSE * facts.rate)
+        return min(round(LONGEST_UNSAMPLED * run.rate), MOST_UNSAMPLED)
+    return round(4 * recorded + LONGEST_PAUSE * run.rate)
 
 
-def ticks(stream: BagStream, facts: RecordedRun,
+def ticks(stream: BagStream, run: RecordedRun,
           chosen: Collection[str] | None = None) -> Iterator[tuple[int, Recorded]]:
     """Yield each recorded stamp [ns] with its messages on the `chosen` topics (keys of `TOPICS`), all by default."""
-    names = {topic: name for name, topic in facts.topics.items() if chosen is None or name in chosen}
+    names = {topic: name for name, topic in run.topics.items() if chosen is None or name in chosen}
     group: Recorded = []
     last: int | None = None
     for topic, stamp, data in stream.messages(frozenset(names)):

@@ -49,8 +49,8 @@ def load_samples(folder: Path) -> Bag:
             if column.dtype.kind == "f":
                 sound &= np.all(np.abs(column) <= LARGEST, axis=tuple(range(1, column.ndim)))
         arrays[topic] = {name: column[sound] for name, column in columns.items()}
-        if wrong := np.count_nonzero(~sound):
-            flaws.append(f"{topic}: {wrong} messages with numbers that are not finite, or beyond {LARGEST:g}")
+        if unsound := np.count_nonzero(~sound):
+            flaws.append(f"{topic}: {unsound} messages with numbers that are not finite, or beyond {LARGEST:g}")
     return replace(bag, arrays=arrays, flaws=tuple(flaws))
 
 
@@ -135,8 +135,8 @@ def _validity(scene: Scene | None, bag: Bag) -> Validity:
     time, of_body, of_joints = np.intersect1d(body["time"], joints["time"], return_indices=True)
     samples = {"time": time, "body_height": body["position"][of_body, 2],
                "body_vertical_velocity": body["linear_velocity"][of_body, 2],
-               **{f"{side}_{what}": joints[f"{side}_mass.{what}"][of_joints]
-                  for side in scene.guides for what in ("position", "velocity")}}
+               **{f"{side}_{quantity}": joints[f"{side}_mass.{quantity}"][of_joints]
+                  for side in scene.guides for quantity in ("position", "velocity")}}
     current = {"motor_current": bag["motor_current"]["value"]} if "motor_current" in bag else {}
     return validity_of(scene, samples | current)
 
@@ -173,7 +173,7 @@ class Number(NamedTuple):
         return "-" if value is None else f"{value:{self.form}} {self.unit}".rstrip()
 
 
-def _within(part: str, name: str) -> Callable[[dict[str, Any]], float | None]:
+def _nested(part: str, name: str) -> Callable[[dict[str, Any]], float | None]:
     return lambda summary: summary[part][name]
 
 
@@ -184,14 +184,14 @@ NUMBERS: Mapping[str, Number] = {
     "path": Number(itemgetter("path_length"), ".4f", "m"),
     "mean speed": Number(itemgetter("mean_speed"), "+.2f", "mm/s", 1e3),
     "crank turns": Number(itemgetter("crank_turns"), ".1f"),
-    **{f"{guide} impacts": Number(_within("impacts", guide), ".0f") for guide in GUIDES},
-    **{f"{guide} impacts per turn": Number(_within("impacts_per_turn", guide), ".2f")
+    **{f"{guide} impacts": Number(_nested("impacts", guide), ".0f") for guide in GUIDES},
+    **{f"{guide} impacts per turn": Number(_nested("impacts_per_turn", guide), ".2f")
        for guide in GUIDES},
     "mean power": Number(itemgetter("mean_power"), ".3f", "W"),
-    "mean N / weight": Number(_within("load", "mean"), ".3f"),  # landings' shocks lie between samples
-    "samples with N <= 0": Number(_within("load", "unloaded"), ".1f", "%", 1e2),
-    "pitch index": Number(_within("validity", "pitch_index"), ".3f"),
-    "rms / continuous current": Number(_within("validity", "current_share"), ".3f"),
+    "mean N / weight": Number(_nested("load", "mean"), ".3f"),  # landings' shocks lie between samples
+    "samples with N <= 0": Number(_nested("load", "unloaded"), ".1f", "%", 1e2),
+    "pitch index": Number(_nested("validity", "pitch_index"), ".3f"),
+    "rms / continuous current": Number(_nested("validity", "current_share"), ".3f"),
 }
 """Numbers in the text of a recording, the table of a replay's differences, and the caption, by label."""
 CAPTION = ("duration", "displacement", "mean speed", *(f"{guide} impacts per turn" for guide in GUIDES), "mean power")
@@ -205,10 +205,11 @@ def as_text(summary: dict[str, Any]) -> str:
              *(("warning", warning) for warning in Validity(**summary["validity"]).warnings())]
     width = max(len(label) for label, _ in lines) + 2
     energy = ["", *energy_as_lines(summary["energy"])] if "energy" in summary else []
-    done = [f"{time:>10.3f} s  {one_line(text)}" for time, text in summary["operations"]]
-    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy,
-                      *(["", "what was done to the run", *done] if done else []), "", *_table(summary["topics"]),
-                      *flaw_lines(summary["not_read"])]) + "\n"
+    operations = [f"{time:>10.3f} s  {one_line(text)}" for time, text in summary["operations"]]
+    if operations:
+        operations = ["", "what was done to the run", *operations]
+    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy, *operations, "",
+                      *_table(summary["topics"]), *flaw_lines(summary["not_read"])]) + "\n"
 
 
 def differences_as_text(recorded: dict[str, Any], replayed: dict[str, Any]) -> str:

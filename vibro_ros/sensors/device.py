@@ -79,9 +79,9 @@ class Sensor:
     def release(self, time: float) -> Iterator[Measurement]:
         """Yield the measurements that come out up to `time` [s] and have not come out before."""
         while self._released < self.count and self._released / self.rate + self._delay <= time:
-            values, at = self._recent[self._released - self.count], self._released / self.rate
+            values, measured_at = self._recent[self._released - self.count], self._released / self.rate
             self._released += 1
-            failing = {fault for fault, until in self.failing.items() if at + self._delay < until}
+            failing = {fault for fault, until in self.failing.items() if measured_at + self._delay < until}
             if values is None or DROPOUT in failing:
                 continue
             if FREEZE in failing and self._last is not None:
@@ -90,7 +90,7 @@ class Sensor:
                 values = values.copy()
                 values[:self.shifted] += self._offset
             self._last = values
-            yield Measurement(self.name, at, values)
+            yield Measurement(self.name, measured_at, values)
 
     def fail(self, fault: str, until: float, value: float) -> None:
         """Start a fault that lasts until the instant `until` [s]; `value` is the offset of `OFFSET`."""
@@ -102,8 +102,8 @@ class Sensor:
 
     def memory(self) -> np.ndarray:
         """Return all that the future depends on besides device, scene and time; its length is constant."""
-        nothing = np.full(self.numbers, np.nan)
-        rows = [nothing if row is None else row for row in (self._last, *self._recent)]
+        no_values = np.full(self.numbers, np.nan)
+        rows = [no_values if row is None else row for row in (self._last, *self._recent)]
         return np.concatenate([[self.count, *self.failing.values(), self._offset], self.history, *rows])
 
     def restore(self, memory: np.ndarray, time: float) -> None:
@@ -111,15 +111,15 @@ class Sensor:
         begin = 2 + len(self.failing) + len(self.history)
         count, *numbers = memory[:begin].tolist()
         rows = memory[begin:].reshape(-1, self.numbers)
-        whole = np.isfinite(rows).all(axis=1)
+        has_values = np.isfinite(rows).all(axis=1)
         if not (np.isfinite(memory[:begin]).all() and count == self._measured_by(time, 0.0)
-                and (whole | np.isnan(rows).all(axis=1)).all()):
+                and (has_values | np.isnan(rows).all(axis=1)).all()):
             raise ValueError(f"the checkpoint is of no state that the sensor {self.name} can be in; give one that a "
                              "device of the same scene has made")
         self.count, self._released = int(count), self._measured_by(time, self._delay)
         self.failing = dict(zip(self.failing, numbers, strict=False))
         self._offset, *self.history[:] = numbers[len(self.failing):]
-        self._last, *recent = (row if known else None for row, known in zip(rows.copy(), whole, strict=True))
+        self._last, *recent = (row if has else None for row, has in zip(rows.copy(), has_values, strict=True))
         self._recent = deque(recent)
 
     def _measured_by(self, time: float, delay: float) -> int:
@@ -175,9 +175,9 @@ class Current(Sensor):
 
     def __init__(self, scene: Scene):
         super().__init__(scene, 0.0)
-        reach, self._noise, self._resolution, self._resistance = (scene[f"sensors.current.{name}"] for name in (
+        limit, self._noise, self._resolution, self._resistance = (scene[f"sensors.current.{name}"] for name in (
             "range", "noise", "resolution", "supply_resistance"))
-        self._range = reach or math.inf
+        self._range = limit or math.inf
         self._errors = BlockNumbers(Stream(int(scene["sensors.seed"]), "current/noise").normal)
 
     def read(self, device: Simulator) -> np.ndarray:
@@ -350,7 +350,7 @@ class SensedSimulator(Simulator):
     def restore(self, checkpoint: np.ndarray) -> None:
         """Restore as `Simulator.restore`, with the sensors; measurements that were not taken are dropped."""
         memories = [sensor.memory() for sensor in self._sensors.values()]
-        kept = super().checkpoint()
+        previous = super().checkpoint()
         if np.ndim(checkpoint) != 1:
             raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have one dimension; give "
                              "one of the same scene and version")
@@ -360,7 +360,7 @@ class SensedSimulator(Simulator):
             for sensor, begin, end in zip(self._sensors.values(), ends, ends[1:], strict=False):
                 sensor.restore(checkpoint[begin:end], self.time)
         except ValueError:
-            super().restore(kept)
+            super().restore(previous)
             for sensor, memory in zip(self._sensors.values(), memories, strict=True):
                 sensor.restore(memory, self.time)
             raise

@@ -58,8 +58,8 @@ PRESETS: dict[str, dict[str, float]] = {
 
 def of_imu(scene: Scene, name: str) -> float:
     """Return the value of the parameter `sensors.imu.<name>`, or the preset's if the scene does not give it."""
-    given = scene[f"sensors.imu.{name}"]
-    return PRESETS[scene["sensors.preset"]].get(name, 0.0) if given == AS_PRESET else given
+    value = scene[f"sensors.imu.{name}"]
+    return PRESETS[scene["sensors.preset"]].get(name, 0.0) if value == AS_PRESET else value
 
 
 def force_at_rest(scene: Scene) -> tuple[float, float]:
@@ -78,7 +78,7 @@ class InertialErrors:
         self._noise, self._step = density * math.sqrt(0.5 * rate), drift * math.sqrt(1.0 / rate)
         self._numbers, self._steps = Stream(seed, f"imu/{part}/noise"), Stream(seed, f"imu/{part}/bias")
         self._bias = turn_on * Stream(seed, f"imu/{part}/turn_on").normal(0)[0]
-        self._errors = BlockNumbers(self._made)
+        self._errors = BlockNumbers(self._block_errors)
         self._variance = self._noise * self._noise + self._resolution * self._resolution / 12.0 + turn_on * turn_on
 
     def read(self, true: Sequence[float], index: int) -> list[float]:
@@ -93,7 +93,7 @@ class InertialErrors:
         """Return the variance of the error on each axis by noise, quantisation and bias, within the range."""
         return self._variance + index * (self._step * self._step)
 
-    def _made(self, block: int) -> np.ndarray:
+    def _block_errors(self, block: int) -> np.ndarray:
         """Return the errors of a block of samples; a method, because a device with a lambda cannot be pickled."""
         return (self._bias + self._step * self._steps.walk(block)) + self._noise * self._numbers.normal(block)
 
@@ -135,14 +135,14 @@ def _ratio(coefficients: tuple[tuple[float, ...], tuple[float, ...]], r: np.ndar
 
 def normal_quantile(share: np.ndarray) -> np.ndarray:
     """Return the numbers below which the given shares of a standard normal distribution lie, to 1e-15 of each."""
-    off = share - 0.5
-    quantile = off * _ratio(_CENTRE, 0.180625 - off * off)
-    outer = abs(off) > 0.425
-    beyond = np.where(off < 0.0, share, 1.0 - share)[outer]
-    r = np.sqrt([-log(number) for number in beyond.tolist()])
-    far, tail = _ratio(_FLANK, r - 1.6), r > 5.0
-    far[tail] = _ratio(_TAIL, r[tail] - 5.0)
-    quantile[outer] = np.copysign(far, off[outer])
+    from_middle = share - 0.5
+    quantile = from_middle * _ratio(_CENTRE, 0.180625 - from_middle * from_middle)
+    outer = abs(from_middle) > 0.425
+    share_beyond = np.where(from_middle < 0.0, share, 1.0 - share)[outer]
+    r = np.sqrt([-log(number) for number in share_beyond.tolist()])
+    magnitude, in_tail = _ratio(_FLANK, r - 1.6), r > 5.0
+    magnitude[in_tail] = _ratio(_TAIL, r[in_tail] - 5.0)
+    quantile[outer] = np.copysign(magnitude, from_middle[outer])
     return quantile
 
 
@@ -173,14 +173,14 @@ class Stream:
 
 
 class BlockNumbers:
-    """The numbers of each sample; `made` returns the numbers of a block, shape (BLOCK, n), when they are needed."""
+    """The numbers of each sample; `compute` returns the numbers of a block, shape (BLOCK, n), when they are needed."""
 
-    def __init__(self, made: Callable[[int], np.ndarray]):
-        self._made, self._block, self._rows = made, -1, [[0.0]]
+    def __init__(self, compute: Callable[[int], np.ndarray]):
+        self._compute, self._block, self._rows = compute, -1, [[0.0]]
 
     def __getitem__(self, index: int) -> list[float]:
         """Return the numbers of sample `index`."""
         block, place = divmod(index, BLOCK)
         if block != self._block:
-            self._block, self._rows = block, self._made(block).tolist()
+            self._block, self._rows = block, self._compute(block).tolist()
         return self._rows[place]

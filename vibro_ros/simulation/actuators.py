@@ -34,8 +34,8 @@ class Actuators(NamedTuple):
         """Commanded speed of the motor [rad/s], or commanded voltage [V] if the motor takes that."""
         if self.scene.has_rotor:
             return float(self.state.now["motor"]["target"][0])
-        asked = self.disturbances.asked(STALL)
-        return speed_and_target(self.state.now["drive"][0])[1] if asked is None else asked
+        stored = self.disturbances.stored_command(STALL)
+        return speed_and_target(self.state.now["drive"][0])[1] if stored is None else stored
 
     @property
     def controller_integral(self) -> float:
@@ -60,8 +60,8 @@ class Actuators(NamedTuple):
 
     def plate_target(self, side: str) -> float:
         """Return the commanded position of the plate [m]."""
-        asked = self.disturbances.asked(STUCK, side)
-        return float(self.state.ramp["target"][self.model.forms.plates.index(side)]) if asked is None else asked
+        stored = self.disturbances.stored_command(STUCK, side)
+        return float(self.state.ramp["target"][self.model.forms.plates.index(side)]) if stored is None else stored
 
     def command_plate(self, side: str, target: float, point: np.ndarray, events: np.ndarray) -> int:
         """Command a plate to go to `target` [m]; `point` are all channels now.

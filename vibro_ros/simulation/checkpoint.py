@@ -14,8 +14,8 @@ from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import lasting
 from vibro_ros.solver.system import NOTHING
 
-#: Largest number in a device's state, in SI units and counts; largest local time in a segment, with rounding.
-_LARGEST, _LOCAL = 1e15, 1.0 + 1e-9
+_LARGEST = 1e15  # largest number in a device's state, in SI units and counts
+_LARGEST_LOCAL_TIME = 1.0 + 1e-9  # in a segment, with rounding
 _IMPOSSIBLE = ("the checkpoint is of no state that this device can be in; give one that a device of the same scene and "
                "version has made")
 
@@ -36,13 +36,13 @@ def checkpoint_of(motion: Motion) -> np.ndarray:
 
 def restore(motion: Motion, checkpoint: np.ndarray) -> None:
     """Go on from a checkpoint (ValueError for one that is not of this device; nothing is changed then)."""
-    kept = checkpoint_of(motion)
+    previous = checkpoint_of(motion)
     try:
         _overwrite(motion, checkpoint)
         if not _is_possible(motion):
             raise ValueError(_IMPOSSIBLE)
     except ValueError:
-        _overwrite(motion, kept)
+        _overwrite(motion, previous)
         raise
     motion.events.drop_untaken()
 
@@ -87,10 +87,10 @@ def _is_possible(motion: Motion) -> bool:
     fastest, width = BY_NAME["motor.max_speed"].maximum, float(np.diff(system.signals.start)[drive["cell"]])
     spans = [(segment["half"], 0.0, LONGEST_SEGMENT), (abs(segment["residue"]), 0.0, LONGEST_SEGMENT),
              (motion.time - segment["start"], -2.0 * LONGEST_SEGMENT, 2.0 * LONGEST_SEGMENT),
-             *((segment[name], -_LOCAL, _LOCAL) for name in ("mode_start", "next_event")),
-             (drive["offset"], 0.0, width * _LOCAL), (drive["speed"], 0.0, fastest)]
+             *((segment[name], -_LARGEST_LOCAL_TIME, _LARGEST_LOCAL_TIME) for name in ("mode_start", "next_event")),
+             (drive["offset"], 0.0, width * _LARGEST_LOCAL_TIME), (drive["speed"], 0.0, fastest)]
     numbers = np.concatenate([np.ravel(part) for part in parts_of(motion)])
-    endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
+    infinite = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
     return (all(low <= number <= high for number, low, high in spans)
             and motion.disturbances.are_possible(scene, motion.model.forms, motion.time)
-            and endless == (segment["cell_left"] > _LARGEST))  # infinite if the crank stands, or nearly so
+            and infinite == (segment["cell_left"] > _LARGEST))  # infinite if the crank stands, or nearly so

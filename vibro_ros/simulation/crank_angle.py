@@ -53,20 +53,21 @@ def _hop(motion: Motion, turn: int, angle: float, latest: float) -> bool:
     whether to try another hop.
     """
     now = motion.now()
-    left, speed = turn * _TURN + angle - now[CRANK_ANGLE], now[MOTOR_SPEED]
-    if left < _NEAR or speed <= 0.0 or motion.time + 0.5 * left / speed > latest:
+    remaining, speed = turn * _TURN + angle - now[CRANK_ANGLE], now[MOTOR_SPEED]
+    if remaining < _NEAR or speed <= 0.0 or motion.time + 0.5 * remaining / speed > latest:
         return False
-    time, log, kept = motion.time, motion.events.mark(), [part.copy() for part in checkpoint.parts_of(motion)]
+    time, mark = motion.time, motion.events.mark()
+    parts = [part.copy() for part in checkpoint.parts_of(motion)]
     trace = motion.new_trace(_CHECKS)
-    motion.advance_at_once(np.linspace(time, time + 0.5 * left / speed, _CHECKS + 1)[1:], trace)
+    motion.advance_at_once(np.linspace(time, time + 0.5 * remaining / speed, _CHECKS + 1)[1:], trace)
     turns, phase, rate = trace.phases.T
     if (rate > 0.0).all() and ((turns - turn) * _TURN + phase < angle).all():
         return True
     motion.time = time
-    for part, values in zip(checkpoint.parts_of(motion), kept, strict=True):
+    for part, values in zip(checkpoint.parts_of(motion), parts, strict=True):
         part[...] = values
     motion.go_on_from_overwritten()
-    motion.events.drop_since(log)
+    motion.events.drop_since(mark)
     return False
 
 
@@ -75,9 +76,9 @@ def first_reached(p: np.ndarray, value: float, start: float, end: float) -> floa
     from below; None if there is none."""
     coefficients = p.tolist()
     bend = sum(n * (n - 1) * abs(coefficient) for n, coefficient in enumerate(coefficients))  # of p'' on [-1, 1]
-    parts = [(start, end)]  # to search, the first one last
-    while parts:
-        low, high = parts.pop()
+    intervals = [(start, end)]  # to search, the first one last
+    while intervals:
+        low, high = intervals.pop()
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         position, slope = _value_and_slope(coefficients, middle)
         if position - value + (abs(slope) + 0.5 * bend * half) * half < 0.0:
@@ -89,7 +90,7 @@ def first_reached(p: np.ndarray, value: float, start: float, end: float) -> floa
             if at_high >= value:
                 return _crossing(coefficients, value, low, high)
             continue
-        parts += [(middle, high), (low, middle)]
+        intervals += [(middle, high), (low, middle)]
     return None
 
 

@@ -6,6 +6,7 @@ motor change the equations: `Disturbances.equations` returns the arguments with 
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -37,7 +38,7 @@ class Disturbances:
         """Return the row of a disturbance, to be read or written, shape (5,)."""
         return self.table[ROWS.index((name, of))]
 
-    def write(self, name: str, of: str, until: float, numbers: tuple[float, ...]) -> None:
+    def write(self, name: str, of: str, until: float, numbers: Sequence[float]) -> None:
         """Activate a disturbance until the instant `until` [s], with new `numbers`; 0 ends it."""
         row = self.row(name, of)
         row[...] = 0.0
@@ -53,17 +54,18 @@ class Disturbances:
         """Return the instants [s] at which the active disturbances end, by name and side."""
         return {which: until for which, until in zip(ROWS, self.table[:, 0].tolist(), strict=True) if until}
 
-    def asked(self, name: str, of: str = "") -> float | None:
+    def stored_command(self, name: str, of: str = "") -> float | None:
         """Return the last command to a stalled motor or a stuck plate [rad/s, m]; None if it is not disturbed."""
-        until, asked, *_ = self.row(name, of).tolist()
-        return asked if until else None
+        until, command, *_ = self.row(name, of).tolist()
+        return command if until else None
 
     def equations(self, scene: Scene) -> tuple[Scene, tuple[float, float], tuple[float, float]]:
         """Return the arguments of `compile_scene`: the scene with its faults, the push, and the edges of the ground."""
-        (until, friction, low, high, place), edges = self.row(PATCH).tolist(), NO_EDGES
+        until, friction, low, high, location = self.row(PATCH).tolist()
+        edges = NO_EDGES
         if until:
-            edges = {-1.0: (-math.inf, low), 0.0: (low, high), 1.0: (high, math.inf)}[place]
-            scene = patched(scene, friction) if place == 0.0 else scene
+            edges = {-1.0: (-math.inf, low), 0.0: (low, high), 1.0: (high, math.inf)}[location]
+            scene = patched(scene, friction) if location == 0.0 else scene
         _, along_x, upwards, *_ = self.row(PUSH).tolist()
         return self._with_failing_motor(scene).machine, (along_x, upwards), edges
 
@@ -71,34 +73,35 @@ class Disturbances:
         """Return the scene with the faults of a dc motor: a seized bearing, or less supply voltage."""
         if not scene.has_rotor:
             return scene
-        seized = SEIZED if self.row(STALL)[0] else {}
+        changes = dict(SEIZED) if self.row(STALL)[0] else {}
         supply = self.supply_voltage_of(scene)
-        sagged = {} if supply == scene["motor.supply_voltage"] else {
-            "motor.supply_voltage": supply, "motor.voltage": 0.0}  # which enters no equation, and could be too high
-        return scene.with_parameters({**seized, **sagged})
+        if supply != scene["motor.supply_voltage"]:  # motor.voltage enters no equation, but could exceed the supply's
+            changes |= {"motor.supply_voltage": supply, "motor.voltage": 0.0}
+        return scene.with_parameters(changes)
 
     def supply_voltage_of(self, scene: Scene) -> float:
         """Return the supply's voltage [V]: the scene's, or less during a sag."""
         until, sagged, *_ = self.row(SAG).tolist()
         return min(sagged, scene["motor.supply_voltage"]) if until else scene["motor.supply_voltage"]
 
-    def find_place(self, position: float) -> None:
+    def locate_on_patch(self, position: float) -> None:
         """Store whether a body at `position` [m] is before, on or behind a patch; the edges belong to the patch."""
         patch = self.row(PATCH)
         patch[4] = float(position > patch[3]) - float(position < patch[2])
 
     def are_possible(self, scene: Scene, forms: Forms, now: float) -> bool:
         """Whether these disturbances of `scene` can be compiled and are active at `now` [s]."""
-        (_, along_x, upwards, *_), *_, (ices, friction, _, _, place) = self.table.tolist()
-        if ices:
+        _, along_x, upwards, *_ = self.row(PUSH).tolist()
+        until_patch_ends, friction, _, _, location = self.row(PATCH).tolist()
+        if until_patch_ends:
             try:
                 patched(scene, friction)
             except ValueError:
                 return False
-        return (all(until == 0.0 and not any(rest) or now < until <= now + DURATION.maximum
-                    for until, *rest in self.table.tolist())
+        return (all(until == 0.0 and not any(numbers) or now < until <= now + DURATION.maximum
+                    for until, *numbers in self.table.tolist())
                 and abs(along_x) <= FORCE.maximum * forms.body_moves and abs(upwards) <= FORCE.maximum * forms.body_hops
-                and (ices == 0.0 or place in (-1.0, 0.0, 1.0)))
+                and location in (-1.0, 0.0, 1.0))
 
 
 def patched(scene: Scene, friction: float) -> Scene:

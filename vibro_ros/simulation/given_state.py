@@ -24,11 +24,11 @@ UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
     "motor_speed": "rad/s", "upper_plate_position": "m", "inclined_plate_position": "m"}
 """Fields of `Samples` that may be given, with their units; all other fields follow from these."""
 OF_DC_MOTOR = {"motor_current": "A", "controller_integral": "V or A"}
-"""What may also be given for a dc motor: the current of a winding with inductance, and the controller's integral, in
-the unit of the voltage or current that the controller sets."""
+"""Numbers that may also be given for a dc motor: the current of a winding with inductance, and the controller's
+integral, in the unit of the voltage or current that the controller sets."""
 STATE_UNITS = UNITS | OF_DC_MOTOR
 """All numbers that may be given, with their units."""
-_MOST = 1e6  # A, or V
+_LARGEST_OF_DC_MOTOR = 1e6  # A, or V
 _TURN = 2.0 * math.pi
 
 
@@ -44,7 +44,7 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
     if forms.has_rotor:
         start_rotor(system, state, scene[scene.motor_command.replace("_", ".")])
     if scene["start.state"] == "given":
-        place(scene, model, state, point, given_start(scene) | {"motor_speed": scene["motor.speed"]}, turned=True)
+        set_point(scene, model, state, point, given_start(scene) | {"motor_speed": scene["motor.speed"]}, turned=True)
     else:
         # The sliders have the same bits as in the flow, because a mass at rest on its slider must feel no force at all.
         sliders = point[channels.signal(0):channels.signal(len(model.sliders))]
@@ -88,7 +88,8 @@ def _number(scene: Scene, name: str, value: object) -> float:
         if name not in motor_coordinates(scene):
             raise ValueError(f"{name}: {quoted(value)} is no part of this motor's state; leave it out, or choose "
                              f"effects.motor dc with {_NEEDED[name]}")
-        return Parameter(name, 0.0, OF_DC_MOTOR[name], "of the motor", minimum=-_MOST, maximum=_MOST).checked(value)
+        return Parameter(name, 0.0, OF_DC_MOTOR[name], "of the motor", minimum=-_LARGEST_OF_DC_MOTOR,
+                         maximum=_LARGEST_OF_DC_MOTOR).checked(value)
     if name in NUMBERS:
         return NUMBERS[name].checked(value)
     longest = 2.0 * scene[f"crank.{name.split('_')[0]}_rod"]  # as `Scene.checked_gap` has it
@@ -107,8 +108,8 @@ def motor_coordinates(scene: Scene) -> tuple[str, ...]:
             *["controller_integral"] * (scene["motor.control"] != "voltage"))
 
 
-def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: Mapping[str, float],
-          turned: bool) -> None:
+def set_point(scene: Scene, model: Model, state: State, point: np.ndarray, values: Mapping[str, float],
+              turned: bool) -> None:
     """Set positions, velocities and the mode to those of `values`; the caller begins a segment next.
 
     The interrupted `state` and its channels `point` are changed. The plates' positions are set, but not the next motion
@@ -116,7 +117,7 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     the crank's angle is given; else the angle keeps its bits, some of which are lost in `crank_angle`, the sum of turns
     and angle.
     """
-    forms, at, angle = model.forms, model.forms.channels, values["crank_angle"]
+    forms, at = model.forms, model.forms.channels
     for i, side in enumerate(forms.guides):
         point[at.position(i)], point[at.velocity(i)] = values[f"{side}_position"], values[f"{side}_velocity"]
     if forms.body_moves:
@@ -129,28 +130,35 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
         point[at.velocity(forms.phase)] = values["motor_speed"]
         if "motor_current" in values:
             point[at.velocity(forms.charge)] = values["motor_current"]
-        if turned:
-            point[at.position(forms.phase)] = rest = math.fmod(angle, _TURN)
-            state.now["drive"]["turns"] = round((angle - rest) / _TURN)
-    elif turned:
-        drive, starts, rest = state.now["drive"][0], model.system.signals.start, math.fmod(angle, _TURN)
-        drive["turns"] = round((angle - rest) / _TURN)
-        if rest < 0.0:
-            drive["turns"], rest = drive["turns"] - 1, rest + _TURN
-        drive["cell"] = cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
-        drive["offset"] = rest - starts[cell] if drive["direction"] > 0 else starts[cell + 1] - rest
+    angle = values["crank_angle"]
+    if turned:
+        _set_crank_angle(model, state, point, angle)
     for k, side in enumerate(forms.plates):
         state.ramp["value"][k] = point[at.ramp(k)] = values[f"{side}_plate_position"]
     for k, slider in enumerate(model.sliders):  # sliders move with the crank, and decide the drives' energy
         point[at.signal(k)] = slider.position(angle)
     _set_slider_rates(model, point, angle, values["motor_speed"])
-    mode = _mode(scene, model, point)
+    mode = _mode_at(scene, model, point)
     state.now["automaton"]["mode"] = mode
     for k, side in enumerate(forms.plates):
         if model.system.monitors.active[mode, k]:  # a contact that was in progress is no event
             monitor = state.monitor[k]
             monitor["since"], monitor["peak"] = state.now["segment"]["start"][0], 0.0
             monitor["approach"] = form_value(forms.penetration(side)[1], point)
+
+
+def _set_crank_angle(model: Model, state: State, point: np.ndarray, angle: float) -> None:
+    """Set the crank's `angle` [rad]: in the clock of its drive or, if the angle is a coordinate, in `point`."""
+    drive, rest = state.now["drive"][0], math.fmod(angle, _TURN)
+    drive["turns"] = round((angle - rest) / _TURN)
+    if model.forms.has_rotor:
+        point[model.forms.channels.position(model.forms.phase)] = rest
+        return
+    if rest < 0.0:
+        drive["turns"], rest = drive["turns"] - 1, rest + _TURN
+    starts = model.system.signals.start
+    drive["cell"] = cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
+    drive["offset"] = rest - starts[cell] if drive["direction"] > 0 else starts[cell + 1] - rest
 
 
 def _set_slider_rates(model: Model, point: np.ndarray, angle: float, speed: float) -> None:
@@ -168,34 +176,35 @@ def book_given_state(scene: Scene, model: Model, state: State, old_point: np.nda
                                             - stored_on_accounts(model.system, old_mode, old_point))
 
 
-def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:
+def _mode_at(scene: Scene, model: Model, point: np.ndarray) -> int:
     """Return the number of the mode at `point`; states that forces decide may be corrected at the first event."""
-    states = tuple(_contact(scene, model, side, point) for side in model.forms.plates)
-    motor = _motor(model, point) if model.forms.has_rotor else ("", "")
-    return next(number for number, mode in enumerate(model.modes) if mode.motor == motor
-                and mode.states[:len(states)] == states and mode.ground == _friction(model, mode.ground, point))
+    contacts = tuple(_contact_state(scene, model, side, point) for side in model.forms.plates)
+    motor = _motor_states(model, point) if model.forms.has_rotor else ("", "")
+    return next(number for number, mode in enumerate(model.modes)
+                if mode.motor == motor and mode.states[:len(contacts)] == contacts
+                and mode.ground == _ground_state(model, point, has_friction=mode.ground != "grounded"))
 
 
 def _first_mode(model: Model, point: np.ndarray) -> int:
     """Return the number of the mode in which a run starts: open plates, and the bearing by the speed in `point`."""
-    first, motor = model.modes[model.initial_mode].states, _motor(model, point)
+    first, motor = model.modes[model.initial_mode].states, _motor_states(model, point)
     states = (*first[:len(model.forms.plates)], *filter(None, motor), first[-1])
     return next(number for number, mode in enumerate(model.modes) if mode.states == states)
 
 
-def _motor(model: Model, point: np.ndarray) -> tuple[str, str]:
+def _motor_states(model: Model, point: np.ndarray) -> tuple[str, str]:
     """Return the states of bearing and current loop by the crank's speed; the loop within its limits if it has any."""
     states = sorted({mode.motor for mode in model.modes}, key=lambda motor: motor[1] != "within_limits")
-    return next(motor for motor in states if motor[0] in (_bearing(model, point), "turns"))
+    return next(motor for motor in states if motor[0] in (_bearing_state(model, point), "turns"))
 
 
-def _bearing(model: Model, point: np.ndarray) -> str:
+def _bearing_state(model: Model, point: np.ndarray) -> str:
     """Return the state of a bearing with friction by the crank's speed."""
     speed = point[model.forms.channels.velocity(model.forms.phase)]
     return ("stuck", "turns_forward", "turns_backward")[int(np.sign(speed))]
 
 
-def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:
+def _contact_state(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:
     forms = model.forms
     depth, rate = (float(form_value(form, point)) for form in forms.penetration(side))
     if scene[f"effects.{side}_contact"] == "restitution":
@@ -206,15 +215,14 @@ def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:
     return "closed" if may_pull or form_value(forms.plate_force(side), point) >= 0.0 else "released"
 
 
-def _friction(model: Model, state: str, point: np.ndarray) -> str:
-    """Return the state of the ground at `point`; `state` is one of the scene's, and tells whether it has friction."""
+def _ground_state(model: Model, point: np.ndarray, has_friction: bool) -> str:
     forms, at = model.forms, model.forms.channels
     if forms.body_hops and (point[at.position(forms.height)] > 0.0 or point[at.velocity(forms.height)] != 0.0):
         return "airborne"
-    return state if state == "grounded" else _moving(model, point)
+    return _sliding_state(model, point) if has_friction else "grounded"
 
 
-def _moving(model: Model, point: np.ndarray) -> str:
+def _sliding_state(model: Model, point: np.ndarray) -> str:
     """Return the state of a body on ground with friction by the body's speed."""
     forms = model.forms
     speed = point[forms.channels.velocity(forms.body)] if forms.body_moves else 0.0
@@ -229,8 +237,9 @@ def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model
     no states of friction. A state that does not hold any more, such as sticking, is left at the first event.
     """
     old = model.modes[int(state.now["automaton"]["mode"][0])]
-    contacts, bearing = old.states[:len(model.forms.plates)], _bearing(model, point) if model.forms.has_rotor else ""
-    new_mode = next(number for ground in (old.ground, _moving(model, point), "grounded")
+    contacts = old.states[:len(model.forms.plates)]
+    bearing = _bearing_state(model, point) if model.forms.has_rotor else ""
+    new_mode = next(number for ground in (old.ground, _sliding_state(model, point), "grounded")
                     for turning in (old.motor[0], bearing, "turns")
                     for number, mode in enumerate(new_model.modes) if mode.ground == ground
                     and mode.states[:len(contacts)] == contacts and mode.motor == (turning, old.motor[1]))

@@ -6,7 +6,7 @@ raises a SimulationError if the motion cannot go on.
 
 import math
 import time as wall_clock
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.actuators import Actuators
 from vibro_ros.simulation.disturbances import PATCH, PUSH, SAG, STALL, Disturbances
-from vibro_ros.simulation.given_state import book_given_state, carried_over, checked_state, place, started
+from vibro_ros.simulation.given_state import book_given_state, carried_over, checked_state, set_point, started
 from vibro_ros.simulation.readout import AT_ONCE, EventLog, Readout, cut_to_laws, energy_accounts
 from vibro_ros.simulation.samples import FIELDS, Trace
 from vibro_ros.solver import event_loop
@@ -86,8 +86,8 @@ class Motion:
         self.stepper = new_stepper(scene, self.model)
         self._readout, self._part = Readout(self.model), _FIRST_PART
         self._instant, self._trace = np.empty(1), self.new_trace(1)
-        self._sampled = False  # whether both are of `time`, with no command since
-        self._values: np.ndarray | None = None  # the values read from the trace
+        self._sampled = False  # whether `_instant` and `_trace` are of the present time and commands
+        self._values: np.ndarray | None = None  # the fields of `Samples` that were read from `_trace`
 
     def _body_velocities(self) -> list[int]:
         """Channels of the body's velocities along x and upwards, if the body can move so."""
@@ -149,25 +149,25 @@ class Motion:
             self._compile(scene)
             self.state, self.point = carried_over(old, self.state, self.point, self.model)
 
-    def disturb(self, name: str, of: str, until: float, numbers: tuple[float, ...] = ()) -> None:
+    def disturb(self, name: str, of: str, until: float, numbers: Sequence[float] = ()) -> None:
         """Activate one of `disturbances.ROWS` from now until the instant `until` [s]; an instant that does not lie
         ahead ends the disturbance.
 
         `of` is the side of a stuck plate. `numbers` are for a push its force [N], along x and upwards; for a sag the
         voltage [V]; for a patch its friction coefficient, and its ends [m].
         """
-        speed, side = self.actuators.motor_target, of if of in self.model.forms.plates else ""
-        plate = self.actuators.plate_target(side) if side else 0.0
+        motor_target, is_plate = self.actuators.motor_target, of in self.model.forms.plates
+        plate_target = self.actuators.plate_target(of) if is_plate else 0.0
         self._interrupt()
         self.disturbances.write(name, of, until if until > self.time else 0.0, numbers)
         if name == PATCH:
-            self._note_place_on_patch()
+            self._locate_on_patch()
         if name in (PUSH, SAG, PATCH) or (name == STALL and self.scene.has_rotor):
             self._become(self.scene)
         if name in (STALL, SAG):
-            self.actuators.command_motor(self.time, speed)
-        elif side:
-            self._command_plate(side, plate)
+            self.actuators.command_motor(self.time, motor_target)
+        elif is_plate:
+            self._command_plate(of, plate_target)
         self._begin_segment(self.state)
 
     def end_disturbances(self) -> None:
@@ -177,13 +177,13 @@ class Motion:
             if until <= self.time:
                 self.disturb(name, of, 0.0)
 
-    def _note_place_on_patch(self) -> bool:
+    def _locate_on_patch(self) -> bool:
         """Store where the body is relative to a patch of the ground; return whether there is a patch."""
-        lasts = (PATCH, "") in self.disturbances.lasting()
-        if lasts:
-            position = self.model.forms.channels.position(self.model.forms.body)
-            self.disturbances.find_place(float(self.point[position]))
-        return lasts
+        if not self.disturbances.row(PATCH)[0]:
+            return False
+        position = self.model.forms.channels.position(self.model.forms.body)
+        self.disturbances.locate_on_patch(float(self.point[position]))
+        return True
 
     def _cross_edge(self) -> None:
         """Go on at an edge of a patch, where the system has ended, with the system of the ground beyond the edge."""
@@ -207,9 +207,9 @@ class Motion:
         target = values["motor_speed"] if ideal else self.actuators.motor_target
         self._interrupt()
         old_point, old_mode = self.point.copy(), int(self.state.now["automaton"]["mode"][0])
-        place(self.scene, self.model, self.state, self.point, values, turned="crank_angle" in given)
+        set_point(self.scene, self.model, self.state, self.point, values, turned="crank_angle" in given)
         book_given_state(self.scene, self.model, self.state, old_point, old_mode, self.point)
-        if self._note_place_on_patch():
+        if self._locate_on_patch():
             self._become(self.scene)
         if "motor_speed" in given and not self.scene.has_rotor:
             self.actuators.command_motor(self.time, target, values["motor_speed"])
@@ -250,10 +250,13 @@ class Motion:
             self._fail(status, state)
 
     def _fail(self, status: int, state: State) -> None:
-        mode, step = self.model.modes[state.now["automaton"]["mode"][0]], self.scene["solver.step"]
-        method, remedy = self.scene["solver.method"], "please report the scene"
+        """Raise the SimulationError for a `status` with which the solver has stopped."""
+        mode = self.model.modes[state.now["automaton"]["mode"][0]]
+        method = self.scene["solver.method"]
+        remedy = "please report the scene"
         if method != "exact":
-            remedy = f"{method} may need a solver.step below {step:g} s, or use solver.method exact"
+            remedy = (f"{method} may need a solver.step below {self.scene['solver.step']:g} s, or use solver.method "
+                      "exact")
         elif self._restored:
             remedy = "restore a checkpoint that a device of this scene has made"
         time = state.now["segment"]["start"][0]
@@ -262,7 +265,8 @@ class Motion:
     def sampled(self, times: np.ndarray, filtered: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there; fill in the filtered
         acceleration [m/s²], if its array is given, shape (times, 2)."""
-        quantities, done, count = {name: np.empty(len(times)) for name in FIELDS}, 0, min(len(times), AT_ONCE)
+        quantities = {name: np.empty(len(times)) for name in FIELDS}
+        done, count = 0, min(len(times), AT_ONCE)
         whole_trace, values = self.new_trace(count), np.empty((len(FIELDS), count))
         while done < len(times):
             before_end = int(np.searchsorted(times, self.disturbances.next_end))  # a sample at an end is taken after it
@@ -309,15 +313,12 @@ class Motion:
 
     @property
     def steps(self) -> int:
-        """Number of segments of the event loop, or of steps of fixed length, so far."""
+        """Number of segments of the event loop so far, or of steps of fixed length."""
         return int(self.state.now["automaton"]["segments"][0])
 
-    @property
-    def energy(self) -> dict[str, dict[str, float]]:
-        """The `energy_accounts` [J], if the scene asks for them: see `Simulator.statistics`."""
-        if not self.scene["solver.accounts"]:
-            return {}
-        return {"energy_accounts": energy_accounts(self.model, self.state, self.time)}
+    def energy_accounts(self) -> dict[str, float]:
+        """Return the energy accounts [J] of a scene with `solver.accounts`: see `Simulator.statistics`."""
+        return energy_accounts(self.model, self.state, self.time)
 
     def new_trace(self, count: int) -> Trace:
         """Return an empty trace for the samples of `advance` at `count` instants."""
@@ -386,8 +387,8 @@ class Motion:
                                            self._new_events)
             if count:
                 self.events.add(self._new_events[:count])
-            if status != event_loop.REACHED and (status == event_loop.SYSTEM_ENDS or not self.advance_at_once(
-                    times[row], trace.part(k, k + 1))):
+            if status == event_loop.SYSTEM_ENDS or (  # `advance_at_once` goes on after a full table of events
+                    status != event_loop.REACHED and not self.advance_at_once(times[row], trace.part(k, k + 1))):
                 done = k
                 break
             self.time = time

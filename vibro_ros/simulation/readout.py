@@ -1,5 +1,4 @@
-"""What a motion tells: the fields of `Samples` from the channels that the solver samples, events, and energy accounts.
-"""
+"""Results of a motion: fields of `Samples` from the channels that the solver samples, events, and energy accounts."""
 
 from collections.abc import Mapping, Sequence
 

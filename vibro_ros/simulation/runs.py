@@ -39,7 +39,7 @@ Result = TypeVar("Result")
 #: Instants [s], ascending, each with its commands by the names of the arguments of `Simulator.command`.
 CommandPairs = Iterable[tuple[float, Mapping[str, float]]]
 Commands = Mapping[float, Mapping[str, float]] | CommandPairs
-_NAMES = tuple(inspect.signature(Simulator.command).parameters)[1:]
+_COMMAND_NAMES = tuple(inspect.signature(Simulator.command).parameters)[1:]
 
 
 def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,
@@ -189,8 +189,8 @@ def _checked_commands(commands: Commands) -> tuple[tuple[float, dict[str, float]
     if not all(map(math.isfinite, instants)) or sorted(instants) != instants:
         raise ValueError("commands: give ascending, finite instants, none below 0 s")
     for name in (name for _, command in copied for name in command):
-        if name not in _NAMES:
-            raise ValueError(f"commands: {name!r} is no command; give {', '.join(_NAMES)}")
+        if name not in _COMMAND_NAMES:
+            raise ValueError(f"commands: {name!r} is no command; give {', '.join(_COMMAND_NAMES)}")
     return copied
 
 

@@ -154,9 +154,9 @@ def one_sample(values: np.ndarray) -> Samples[float]:
     return sample
 
 
-# Between two samples no crank turns by more than this multiple of the angle at the faster of its two speeds, plus this
-# angle [rad].
-_BEYOND, _FAR = 2.0, 1.0
+# Between two samples no crank turns by more than `_MOST_FACTOR` times the angle at the faster of its two speeds, plus
+# `_MOST_OFFSET` [rad].
+_MOST_FACTOR, _MOST_OFFSET = 2.0, 1.0
 
 
 def resets(time: np.ndarray, crank_angle: np.ndarray, crank_speed: np.ndarray) -> np.ndarray:
@@ -167,8 +167,9 @@ def resets(time: np.ndarray, crank_angle: np.ndarray, crank_speed: np.ndarray) -
     """
     turned, elapsed = np.diff(crank_angle), np.diff(time)
     speeds = np.stack([crank_speed[:-1], crank_speed[1:]])
-    against = (turned * speeds <= 0.0).all(axis=0)
-    return (turned != 0.0) & (against | (np.abs(turned) > _BEYOND * np.abs(speeds).max(axis=0) * elapsed + _FAR))
+    backwards = (turned * speeds <= 0.0).all(axis=0)
+    too_far = np.abs(turned) > _MOST_FACTOR * np.abs(speeds).max(axis=0) * elapsed + _MOST_OFFSET
+    return (turned != 0.0) & (backwards | too_far)
 
 
 #: Latest instant [s] that can be requested, 31 years; there, neighbouring doubles are 1e-7 s apart.

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, check_lasting, checked_incident, part_of
+from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, Incident, check_lasting, checked_incident, part_of
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene, check_scene
 from vibro_ros.simulation import checkpoint as checkpoints
@@ -179,11 +179,11 @@ class Simulator:
         """
         given = {"motor_speed": motor_speed, "upper_gap": upper_gap, "inclined_gap": inclined_gap,
                  "motor_voltage": motor_voltage}
-        checked = {name: self.scene.checked_command(name, value) for name, value in given.items() if value is not None}
-        motor = checked.get(self.scene.motor_command)
+        commands = {name: self.scene.checked_command(name, value) for name, value in given.items() if value is not None}
+        motor = commands.get(self.scene.motor_command)
         if motor is not None:
             self._check_jump(motor)
-        gaps = {side: checked[f"{side}_gap"] for side in ("upper", "inclined") if f"{side}_gap" in checked}
+        gaps = {side: commands[f"{side}_gap"] for side in ("upper", "inclined") if f"{side}_gap" in commands}
         self._motion.command(motor, gaps)
 
     def _check_jump(self, speed: float) -> None:
@@ -292,18 +292,19 @@ class Simulator:
         >>> f"{device.state.body_position:.6f} m"
         '0.024505 m'
         """
-        lasts, along_x, upwards = (parameter.checked(value) for parameter, value in (
-            (DURATION, duration), (replace(FORCE, name="force_x"), force_x), (replace(FORCE, name="force_z"), force_z)))
-        if along_x and not self.scene.body_moves:
-            raise ValueError(f"force_x: {along_x:g} N, but the body of this scene stays where it is; leave it out")
-        if upwards and not self.scene.body_hops:
-            raise ValueError(f"force_z: {upwards:g} N, but the body of this scene stays on the ground; leave it out, "
+        duration = DURATION.checked(duration)
+        force_x = replace(FORCE, name="force_x").checked(force_x)
+        force_z = replace(FORCE, name="force_z").checked(force_z)
+        if force_x and not self.scene.body_moves:
+            raise ValueError(f"force_x: {force_x:g} N, but the body of this scene stays where it is; leave it out")
+        if force_z and not self.scene.body_hops:
+            raise ValueError(f"force_z: {force_z:g} N, but the body of this scene stays on the ground; leave it out, "
                              "or choose effects.normal_force hop")
-        if bool(lasts) != bool(along_x or upwards):
-            raise ValueError(f"duration: {lasts:g} s with a force of {along_x:g} N along x and {upwards:g} N upwards "
-                             "pushes nothing; give a duration and a force, or neither to end the present push")
-        check_lasting(PUSH, "", lasts, self.disturbances)
-        self._motion.disturb(PUSH, "", self.time + lasts, (along_x, upwards))
+        if bool(duration) != bool(force_x or force_z):
+            raise ValueError(f"duration: {duration:g} s with a force of {force_x:g} N along x and {force_z:g} N "
+                             "upwards pushes nothing; give a duration and a force, or neither to end the present push")
+        check_lasting(PUSH, "", duration, self.disturbances)
+        self._motion.disturb(PUSH, "", self.time + duration, (force_x, force_z))
 
     def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
              to_x: float = 0.0) -> None:
@@ -343,23 +344,30 @@ class Simulator:
         >>> device.state.motor_speed, device.disturbances
         (100.0, {})
         """
-        name, lasts, part, number, *place = checked_incident(fault, duration, of, value, from_x, to_x)
-        if FAULTS[name].befalls != DEVICE:
-            raise ValueError(f"fault: {name} befalls {FAULTS[name].befalls}, which this device does not have")
-        if part and part not in self.scene.plates:
-            raise ValueError(f"of: this scene has no {part} plate; give {' or '.join(self.scene.plates) or 'none'}")
-        if name == STALL and lasts:
+        incident = checked_incident(fault, duration, of, value, from_x, to_x)
+        self._check_incident(incident)
+        name, duration, side, *numbers = incident
+        self._motion.disturb(name, side, self.time + duration, numbers if name == PATCH else numbers[:1])
+
+    def _check_incident(self, incident: Incident) -> None:
+        """Refuse a fault that the scene cannot have, and the end of a fault that is not active (ValueError)."""
+        name, duration, side, value, *_ = incident
+        if FAULTS[name].affects != DEVICE:
+            raise ValueError(f"fault: {name} befalls {FAULTS[name].affects}, which this device does not have")
+        if side and side not in self.scene.plates:
+            raise ValueError(f"of: this scene has no {side} plate; give {' or '.join(self.scene.plates) or 'none'}")
+        if name == STALL and duration:
             self._check_jump(0.0)
-        if name == SAG and not self.scene.has_rotor:
-            raise ValueError(f"fault: {name} befalls a dc motor, and this one is {self.scene['effects.motor']}; leave "
-                             "it out, or choose dc for effects.motor")
-        if name == PATCH and lasts:
-            patched(self.scene, number)
-        if name == SAG and number > self.scene["motor.supply_voltage"]:
-            raise ValueError(f"value: {number:g} V is above motor.supply_voltage, and no sag; give at most "
-                             f"{self.scene['motor.supply_voltage']:g} V")
-        check_lasting(name, part, lasts, self.disturbances)
-        self._motion.disturb(name, part, self.time + lasts, (number, *place) if name == PATCH else (number,))
+        if name == PATCH and duration:
+            patched(self.scene, value)
+        if name == SAG:
+            if not self.scene.has_rotor:
+                raise ValueError(f"fault: {name} befalls a dc motor, and this one is {self.scene['effects.motor']}; "
+                                 "leave it out, or choose dc for effects.motor")
+            if value > (supply := self.scene["motor.supply_voltage"]):
+                raise ValueError(f"value: {value:g} V is above motor.supply_voltage, and no sag; give at most "
+                                 f"{supply:g} V")
+        check_lasting(name, side, duration, self.disturbances)
 
     @property
     def disturbances(self) -> dict[str, float]:
@@ -576,8 +584,10 @@ class Simulator:
         >>> device.statistics["upper_contact"], device.statistics["steps"]
         (2, 84)
         """
-        method = {"solver.method": self.scene["solver.method"]}
-        if method["solver.method"] != "exact":
-            method["solver.step"] = self.scene["solver.step"]
-        counts = {**self._motion.events.counts(), "steps": self._motion.steps, **method}
-        return {**counts, **self._motion.energy} if self.scene["solver.method"] == "exact" else counts
+        statistics = {**self._motion.events.counts(), "steps": self._motion.steps,
+                      "solver.method": self.scene["solver.method"]}
+        if self.scene["solver.method"] != "exact":
+            statistics["solver.step"] = self.scene["solver.step"]
+        if self.scene["solver.accounts"]:
+            statistics["energy_accounts"] = self._motion.energy_accounts()
+        return statistics

@@ -27,14 +27,15 @@ class Validity(NamedTuple):
 
     def warnings(self) -> list[str]:
         """Return a sentence for each number that is above its limit."""
-        said = []
+        sentences = []
         if self.pitch_index is not None and self.pitch_index > FAIR_PITCH:
-            said.append(f"the pitch index {self.pitch_index:.2g} is above {FAIR_PITCH:g}: a body of this body.inertia "
-                        "would pitch so much in its flights that the model, which leaves this out, is not fair")
+            sentences.append(f"the pitch index {self.pitch_index:.2g} is above {FAIR_PITCH:g}: a body of this "
+                             "body.inertia would pitch so much in its flights that the model, which leaves this out, "
+                             "is not fair")
         if self.current_share is not None and self.current_share > 1.0:
-            said.append(f"the motor's rms current is {self.current_share:.3g} of motor.continuous_current: a winding "
-                        "that carries more than 1 for long overheats")
-        return said
+            sentences.append(f"the motor's rms current is {self.current_share:.3g} of motor.continuous_current: a "
+                             "winding that carries more than 1 for long overheats")
+        return sentences
 
 
 def validity_of(scene: Scene, samples: Mapping[str, np.ndarray]) -> Validity:
@@ -43,9 +44,8 @@ def validity_of(scene: Scene, samples: Mapping[str, np.ndarray]) -> Validity:
     `samples` are the fields of `Samples` that are needed: the time, heights, and motion of the scene's masses where the
     body can hop, and the current of a dc motor.
     """
-    current = samples.get("motor_current", np.empty(0)) if scene.has_rotor else np.empty(0)
-    share = None
-    if len(current):
+    share, current = None, samples.get("motor_current", np.empty(0))
+    if scene.has_rotor and len(current):
         share = math.sqrt(math.fsum(current * current) / len(current)) / scene["motor.continuous_current"]
     return Validity(_pitch_index(scene, samples) if scene.body_hops else None, share)
 

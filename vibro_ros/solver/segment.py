@@ -6,6 +6,9 @@ where a series no longer reaches rounding.
 The known forcing, periodic signals of the phase and ramps, is written as polynomials over the segment.
 """
 
+import math
+
+import numpy as np
 
 from vibro_ros.solver.channels import first_ramp, first_signal
 from vibro_ros.solver.drive import (
@@ -16,12 +19,12 @@ from vibro_ros.solver.drive import (
     resolved_time,
     time_to_advance,
 )
-from vibro_ros.solver.elementary import log
+from vibro_ros.solver.elementary import exp, log
 from vibro_ros.solver.polynomial import SECOND, differentiate, displace, recentre, scale_argument, value
 from vibro_ros.solver.state import Drive, State
 from vibro_ros.solver.system import System
 from vibro_ros.solver.typed import Row, Rows, entry, part
-from vibro_ros.solver.vector import LENGTH, magnitudes, total, vector
+from vibro_ros.solver.vector import LENGTH, first_index, indices_above, magnitudes, total, vector
 
 #: A segment without a fast motion, a signal or a ramp to end it ends after this time [s].
 LONGEST_SEGMENT = 1.0
@@ -74,8 +77,9 @@ def choose_segment(system: System, state: State) -> None:
     segment.half = 0.5 * duration
 
 
-# Logarithm of a number that may be neglected beside 1.
-_ROUNDING = log(1e-18)
+# A series whose coefficients fall by `ratio` from each to the next is resolved, to 1e-18 of its first, by as many terms
+# as numbers of these do not exceed `ratio`, and another.
+_RATIOS = np.array([5e-324, *(exp(log(1e-18) / n) for n in range(1, LENGTH - 1)), math.inf])
 
 
 @part
@@ -84,9 +88,7 @@ def _significant_terms(ratio: float) -> int:
 
     `ratio` is half the segment's span of the phase over the distance to the signal's nearest singularity.
     """
-    if ratio <= 0.0:
-        return 1
-    return min(LENGTH, int(_ROUNDING / log(ratio)) + 2) if ratio < 0.17 else LENGTH
+    return 1 + first_index(indices_above(vector(_RATIOS), ratio))
 
 
 # A segment is the whole cell if its middle is this close to the cell's, in halves of the cell: some roundings.

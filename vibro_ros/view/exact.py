@@ -55,23 +55,22 @@ class ExactMotion:
     def walk(self, progress: Progress = lambda share: None) -> None:
         """Simulate the device through all samples."""
         if self._follows_run:  # a sample is taken before its inputs, at 0 s too
-            self._device.advance_to(self._own_time(0))
-        last = len(self._times) - 1
-        for k in range(last + 1):
+            self._device.advance_to(self._device_time(0))
+        for k in range(len(self._times)):
             if k % 1000 == 0:
                 progress(k / len(self._times))
             self._receive(k)
-            if k == last:
-                self._end(k)
+            if k == len(self._times) - 1:
+                self._stop_following(k)
             elif self._times[k + 1] - self._times[k] > LONGEST_PAUSE:  # a damaged stamp would cost years
-                self._end(k, "nothing was recorded for more than 10 s")
+                self._stop_following(k, "nothing was recorded for more than 10 s")
             elif self._follows_run and (fault := self._step(k)):
-                self._end(k, fault)
+                self._stop_following(k, fault)
 
     def _step(self, k: int) -> str:
         """Advance to the sample after k; return why the run is not the recorded one there, empty if it is."""
         try:
-            self._device.advance_to(max(self._device.time, self._own_time(k + 1)))
+            self._device.advance_to(max(self._device.time, self._device_time(k + 1)))
         except SimulationError as error:
             return f"the run cannot go on {error}"
         state = self._device.state
@@ -81,8 +80,8 @@ class ExactMotion:
                 return f"{name} as computed is not what was recorded"
         self._note_events()
         if self._device.time - self._begin >= LONGEST:
-            self._close(k + 1)
-            self._open()
+            self._end_interval(k + 1)
+            self._begin_interval()
         return ""
 
     def _receive(self, k: int) -> None:
@@ -101,7 +100,7 @@ class ExactMotion:
             except ValueError:
                 pass  # the robot refused it as well
             except SimulationError as error:
-                self._end(k, f"the run cannot go on {error}")
+                self._stop_following(k, f"the run cannot go on {error}")
 
     def _restore(self, k: int, data: bytes) -> None:
         """Restore the device from a checkpoint, unless it follows the run already."""
@@ -120,13 +119,13 @@ class ExactMotion:
             self._command({self._device.scene.motor_command: 0.0})
         if operation.name not in ((RESET, SET, STATE, PUSH, FAULT) if self._follows_run else (RESET, SET)):
             return
-        was_run = self._follows_run
-        self._end(k)
+        followed_run = self._follows_run
+        self._stop_following(k)
         self._rerun.tick = int(self._ticks[k])
         self._rerun.receive(OPERATIONS, data)
         if operation.name == RESET:
             self.resets.append((int(self._ticks[k]) + 1) / self._rerun.rate)
-        if was_run or operation.name == RESET:
+        if followed_run or operation.name == RESET:
             self._follow(k)
 
     def _follow(self, k: int) -> None:
@@ -134,9 +133,9 @@ class ExactMotion:
         self._follows_run = True
         if self.run_since is None:
             self.run_since = float(self._times[k])
-        self._open()
+        self._begin_interval()
 
-    def _open(self) -> None:
+    def _begin_interval(self) -> None:
         """Begin an interval at the device's present state."""
         self._start, self._begin = self._device.checkpoint(), self._device.time
         self._commands: list[tuple[float, dict[str, float]]] = []
@@ -146,18 +145,18 @@ class ExactMotion:
         self._device.command(**command)
         self._commands.append((self._device.time, command))
 
-    def _close(self, k: int) -> None:
+    def _end_interval(self, k: int) -> None:
         """End the interval at the sample k."""
-        end = self._own_time(k)
+        end = self._device_time(k)
         if end > self._begin:
             commands = tuple(command for command in self._commands if command[0] < end)
             self.intervals.append(ExactInterval(self._device.scene, self._start, self._begin, end, self._offset,
                                                 commands))
 
-    def _end(self, k: int, fault: str = "") -> None:
+    def _stop_following(self, k: int, fault: str = "") -> None:
         """Follow the run no more from the sample k on, because of a `fault` if there is one."""
         if self._follows_run:
-            self._close(k)
+            self._end_interval(k)
             if fault:
                 self.faults.append(f"after {float(self._times[k]):.6g} s {fault}")
         self._follows_run = False
@@ -175,7 +174,7 @@ class ExactMotion:
         """Robot time at which the device's own time is 0 [s]."""
         return self._rerun.origin / self._rerun.rate
 
-    def _own_time(self, k: int) -> float:
+    def _device_time(self, k: int) -> float:
         """Return the device's own time [s] at a sample; 0 if the device was reset after that sample."""
         return max(0.0, (int(self._ticks[k]) - self._rerun.origin) / self._rerun.rate)
 

@@ -67,9 +67,11 @@ Interpolated = tuple[np.ndarray, np.ndarray]
 Sampler = Callable[[np.ndarray], np.ndarray]
 
 #: Precision of a position [m] and of an angle [rad]: the error of a polynomial of 20 coefficients is at most 5e-10 m.
-_PLACE = 5e-11
-_PART = 2e-8  # precision of other quantities, relative to their largest value: the error is at most 2e-7 of it
-_LEAST_PART = 1e-13  # least precision of a position relative to its largest value: rounding is no smaller either
+_POSITION_PRECISION = 5e-11
+#: Precision of other quantities, relative to their largest value: the error is at most 2e-7 of it.
+_RELATIVE_PRECISION = 2e-8
+#: Least precision of a position relative to its largest value: rounding is no smaller.
+_LEAST_RELATIVE_PRECISION = 1e-13
 
 
 def is_position(name: str) -> bool:
@@ -79,8 +81,9 @@ def is_position(name: str) -> bool:
 
 def precisions(names: Sequence[str], largest: np.ndarray) -> np.ndarray:
     """Return the precision of each quantity's coefficients (SI) from its largest magnitude; shape (quantities,)."""
-    places = np.array([is_position(name) for name in names])
-    precision = np.where(places, np.maximum(_PLACE, _LEAST_PART * largest), _PART * largest)
+    are_positions = np.array([is_position(name) for name in names])
+    of_positions = np.maximum(_POSITION_PRECISION, _LEAST_RELATIVE_PRECISION * largest)
+    precision = np.where(are_positions, of_positions, _RELATIVE_PRECISION * largest)
     return np.where(precision > 0.0, precision, 1.0)  # where a quantity is always 0
 
 
@@ -203,7 +206,6 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
     interpolated parts.
     """
     events = np.sort(np.concatenate([np.empty(0), *instants]))
-    places = [q for q, name in enumerate(names) if is_position(name)]
     device: Simulator | None = None
 
     def sampler(interval: ExactInterval) -> Sampler:
@@ -216,13 +218,13 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
     rest = [pieces for pieces in rest if len(pieces[0])]
     bounds = [np.nan_to_num(np.abs(pieces[1]).sum(axis=2), posinf=np.inf).max(axis=0) for pieces in rest]
     for interval in intervals:  # the largest magnitude of each quantity, by samples within the pieces
-        instants_within = _instants(_borders(interval, events), _PLACES[[0, NODES // 3, NODES // 2, -1]])
+        instants_within = _instants(_borders(interval, events), _NODE_PLACES[[0, NODES // 3, NODES // 2, -1]])
         samples = sampler(interval)(instants_within.ravel())
         bounds.append(np.abs(samples).max(axis=0, initial=0.0))
     writer = MotionWriter(names, precisions(names, np.max([np.zeros(len(names)), *bounds], axis=0)))
     parts: list[tuple[float, ExactInterval | Interpolated]] = [
         *((interval.span[0], interval) for interval in intervals), *((float(part[0][0, 0]), part) for part in rest)]
-    exact: list[ExactInterval] = []
+    exact, positions = list[ExactInterval](), [q for q, name in enumerate(names) if is_position(name)]
     for number, (begin, part) in enumerate(sorted(parts, key=lambda part: part[0])):
         progress(number / len(parts))
         if writer.size > limit:
@@ -232,7 +234,7 @@ def fitted_motion(names: Sequence[str], intervals: Sequence[ExactInterval], inst
             a_second = MOST_A_SECOND if part.scene["solver.method"] == "exact" else MOST_OF_STEPS
             most = len(borders) + int(a_second * (part.end - part.begin))
             borders, coefficients, resolved = fit_pieces(sampler(part), borders, 0.5 * writer.precision, most)
-            if resolved[places].all():
+            if resolved[positions].all():
                 exact.append(part)
             part = borders + part.offset, coefficients
         writer.add(*part)
@@ -290,7 +292,7 @@ def fit_pieces(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
     worst_before_halving: np.ndarray = np.empty(0)
     failed_halvings: np.ndarray = np.zeros(len(borders), dtype=int)
     while len(borders):
-        values = sample(_instants(borders, _PLACES).ravel())
+        values = sample(_instants(borders, _NODE_PLACES).ravel())
         coefficients = np.einsum("kn,pnq->pqk", _TRANSFORM, values.reshape(len(borders), NODES, -1), optimize=True)
         # Instants are rounded, the more the later they are; a change of a quantity in that time is only noise.
         rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
@@ -332,7 +334,7 @@ def _nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.cos(angles), transform
 
 
-_PLACES, _TRANSFORM = _nodes(NODES)
+_NODE_PLACES, _TRANSFORM = _nodes(NODES)
 
 
 def _instants(borders: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -72,39 +72,40 @@ def read_request(text: str | bytes) -> Request:
     if isinstance(text, bytes):
         raise RefusedError("bytes are no request; send text")
     try:
-        asked = json.loads(text)
+        fields = json.loads(text)
     except (ValueError, RecursionError):
-        asked = None
-    if not isinstance(asked, dict):
+        fields = None
+    if not isinstance(fields, dict):
         raise RefusedError("no JSON object; send one such as {\"id\": 1, \"call\": \"reset\"}")
-    id = asked.pop("id", None)
+    id = fields.pop("id", None)
     if type(id) is not int or not 0 <= id < _MOST_IDS:
         raise RefusedError(f"id: give an integer from 0 to {_MOST_IDS - 1}, which the answer repeats")
     try:
-        kind, names = _NAMES.get(frozenset(asked), ("", ()))
+        kind, names = _NAMES.get(frozenset(fields), ("", ()))
         if not kind:
-            raise ValueError(f"{_shown(sorted(asked))} is no request; send command and value, parameter and value, "
+            raise ValueError(f"{_shown(sorted(fields))} is no request; send command and value, parameter and value, "
                              "call, call and on, or slow_motion")
-        if names and asked[kind] not in names:
-            raise ValueError(f"{kind}: {_shown(asked[kind])} is unknown; choose one of {', '.join(names)}")
-        return Request(id, kind, asked[kind] if names else "", _value(kind, asked))
+        if names and fields[kind] not in names:
+            raise ValueError(f"{kind}: {_shown(fields[kind])} is unknown; choose one of {', '.join(names)}")
+        return Request(id, kind, fields[kind] if names else "", _value(kind, fields))
     except ValueError as error:
         raise RefusedError(str(error), id) from None
 
 
-def _value(kind: str, asked: dict[str, Any]) -> float | bool | None:
+def _value(kind: str, fields: dict[str, Any]) -> float | bool | None:
+    """Return the checked value of a request (ValueError)."""
     if kind == CALL:
-        if type(asked.get("on", True)) is not bool:
-            raise ValueError(f"on: {_shown(asked['on'])} is not true or false; give one of them")
-        return asked.get("on")
+        if type(fields.get("on", True)) is not bool:
+            raise ValueError(f"on: {_shown(fields['on'])} is not true or false; give one of them")
+        return fields.get("on")
     key = SLOW_MOTION if kind == SLOW_MOTION else "value"
-    given = asked[key]
+    value = fields[key]
     try:
-        number = float(given) if type(given) in (int, float) else math.nan
+        number = float(value) if type(value) in (int, float) else math.nan
     except OverflowError:
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{key}: {_shown(given)} is not a finite number; give one")
+        raise ValueError(f"{key}: {_shown(value)} is not a finite number; give one")
     if kind == SLOW_MOTION and not 0.0 < number <= MOST_SECONDS:
         raise ValueError(f"slow_motion: {number:g} s is out of range; give above 0 to {MOST_SECONDS:g} s")
     return number

@@ -60,25 +60,24 @@ class Recorded:
         self.inputs: list[Input] = []
         self.cut_short = False
         self.arrays: dict[str, Arrays] = {}
-        self._read(STATE, progress)
+        self._read(STATE, progress, (*INPUTS, CHECKPOINT))
 
-    def _read(self, wanted: tuple[str, ...], progress: Progress) -> None:
-        """Read the samples of some topics, and the inputs when these topics are `STATE`."""
-        names = {self.topics[name]: name for name in wanted if name in self.topics}
-        inputs = {self.topics[name]: name for name in (*INPUTS, CHECKPOINT)
-                  if name in self.topics and wanted == STATE}
+    def _read(self, sampled: tuple[str, ...], progress: Progress, inputs: tuple[str, ...] = ()) -> None:
+        """Read the messages of `sampled` topics, and of the `inputs`; all by their keys in `TOPICS`."""
+        names = {self.topics[name]: name for name in sampled if name in self.topics}
+        input_names = {self.topics[name]: name for name in inputs if name in self.topics}
         series = {topic: Series(TOPICS[name].type, self._stream.start, columns=columns_of(name))
                   for topic, name in names.items()}
-        read = dict.fromkeys([*names, *inputs], 0)
+        read = dict.fromkeys([*names, *input_names], 0)
         total = max(1, sum(self._stream.topics[topic].messages for topic in read if topic in self._stream.topics))
         for number, (topic, stamp, data) in enumerate(self._stream.messages(frozenset(read))):
             if number % 1000 == 0:
                 progress(min(1.0, number / total))
-            if read[topic] == (MOST_INPUTS if topic in inputs else MOST_SAMPLES):
+            if read[topic] == (MOST_INPUTS if topic in input_names else MOST_SAMPLES):
                 self.cut_short = True
                 break
-            if topic in inputs:
-                self.inputs.append(Input(stamp, inputs[topic], bytes(data)))
+            if topic in input_names:
+                self.inputs.append(Input(stamp, input_names[topic], bytes(data)))
             else:
                 try:
                     series[topic].append(stamp, data)

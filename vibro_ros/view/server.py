@@ -9,7 +9,7 @@ send requests there. Three checks keep other sites out:
 - A web socket must be opened by the page that this server has sent: Tornado compares `Origin` with `Host`.
 
 It serves one page and one web socket; every other request gets a line of plain text. The constants here limit the
-memory for one visitor, and each page has a sender that waits until the socket has taken the previous frame, so that a
+memory for one client, and each page has a sender that waits until the socket has taken the previous frame, so that a
 page that does not read costs the others nothing. Nothing that a page or another client sends can end the server.
 """
 
@@ -78,7 +78,7 @@ class Server:
         self.error: Exception | None = None
         self.token, self._hosts = secrets.token_urlsafe(16), host_pattern(address, names)
         self.page, self.asked, self.greeting = page, asked, greeting
-        self._sockets, self.pages = sockets, dict[int, "_Live"]()
+        self._sockets, self.pages = sockets, dict[int, "_PageSocket"]()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop = asyncio.Event()
         self._ready, self.numbers = threading.Event(), count(1)
@@ -143,10 +143,11 @@ class Server:
             default_handler_class=_NotFound, default_handler_args={"server": self}, log_function=lambda handler: None,
             websocket_ping_interval=PING_INTERVAL, websocket_ping_timeout=PING_INTERVAL,
             websocket_max_message_size=LONGEST)
-        application.add_handlers(self._hosts, [("/", _Page, {"server": self}), ("/live", _Live, {"server": self})])
+        arguments = {"server": self}
+        application.add_handlers(self._hosts, [("/", _Page, arguments), ("/live", _PageSocket, arguments)])
         http = _Http(application, max_header_size=16_384, max_body_size=LONGEST, idle_connection_timeout=IDLE_TIMEOUT,
                      body_timeout=IDLE_TIMEOUT)
-        http.of_pages = lambda: [page.ws_connection.stream for page in self.pages.values() if page.ws_connection]
+        http.page_streams = lambda: [page.ws_connection.stream for page in self.pages.values() if page.ws_connection]
         http.add_sockets(self._sockets)
         self._ready.set()
         await self._stop.wait()
@@ -188,14 +189,14 @@ def host_pattern(address: str, names: Collection[str]) -> str:
     (others than loopback ones only if the server listens there), and names only if they are known. The parentheses are
     needed, because Tornado appends a `$`, which would otherwise apply to the last alternative only.
     """
-    known = [r"localhost", r"127\.\d+\.\d+\.\d+", r"\[::1\]"]
+    hosts = [r"localhost", r"127\.\d+\.\d+\.\d+", r"\[::1\]"]
     if not is_loopback(address):
-        known += [r"(?!0\.0\.0\.0)\d+\.\d+\.\d+\.\d+", r"\[(?!::\])[0-9a-f:.]+\]"]
-        known += [re.escape(name.lower()) for name in (address, *names) if name and name not in ("0.0.0.0", "::")]
-    return f"({'|'.join(known)})"
+        hosts += [r"(?!0\.0\.0\.0)\d+\.\d+\.\d+\.\d+", r"\[(?!::\])[0-9a-f:.]+\]"]
+        hosts += [re.escape(name.lower()) for name in (address, *names) if name and name not in ("0.0.0.0", "::")]
+    return f"({'|'.join(hosts)})"
 
 
-class _Visitor(RequestHandler):
+class _Handler(RequestHandler):
     """A request handler with strict security headers, whose errors are one line of plain text."""
 
     def initialize(self, server: Server) -> None:
@@ -210,32 +211,32 @@ class _Visitor(RequestHandler):
             self.set_header(name, value)
 
     def prepare(self) -> None:
-        given = self.get_query_arguments("token")
-        if len(given) != 1 or not hmac.compare_digest(given[0].encode(errors="replace"), self._server.token.encode()):
+        tokens = self.get_query_arguments("token")
+        if len(tokens) != 1 or not hmac.compare_digest(tokens[0].encode(errors="replace"), self._server.token.encode()):
             self.refuse(403, _NO_TOKEN)
 
     def refuse(self, code: int, words: str) -> None:
         """Answer with one line and end the request."""
-        self._tell(code, words)
+        self._answer(code, words)
         raise Finish
 
     def write_error(self, status_code: int, **_: Any) -> None:
-        self._tell(status_code, self._reason)
+        self._answer(status_code, self._reason)
 
-    def _tell(self, code: int, words: str) -> None:
+    def _answer(self, code: int, words: str) -> None:
         self.set_status(code)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{words}\n")
 
 
-class _NotFound(_Visitor):
+class _NotFound(_Handler):
     """Handler of every other path, and of every path under another host name."""
 
     def prepare(self) -> None:
         self.refuse(404, _NOT_FOUND)
 
 
-class _Page(_Visitor):
+class _Page(_Handler):
     """Handler of the page, whose policy allows only its own scripts, by a nonce, and connections to this server."""
 
     def get(self) -> None:
@@ -246,7 +247,7 @@ class _Page(_Visitor):
         self.finish(self._server.page(nonce))
 
 
-class _Live(_Visitor, WebSocketHandler):
+class _PageSocket(_Handler, WebSocketHandler):
     """The web socket of one open page."""
 
     def initialize(self, server: Server) -> None:
@@ -305,9 +306,9 @@ class _Live(_Visitor, WebSocketHandler):
         self.close()
 
 
-_OF_A_ROBOT = ("robot", "absent", "samples", "impacts")
+_FRAMES_OF_ROBOT = ("robot", "absent", "samples", "impacts")
 #: For each kind, the kinds of waiting frames that a new one replaces: an earlier state or status, a late motion.
-_MAKES_VOID = {"robot": _OF_A_ROBOT, "absent": _OF_A_ROBOT, "status": ("status",), "commands": ("commands",),
+_REPLACES = {"robot": _FRAMES_OF_ROBOT, "absent": _FRAMES_OF_ROBOT, "status": ("status",), "commands": ("commands",),
                "motion": ("motion",)}
 
 
@@ -318,56 +319,56 @@ class Outbox:
     """
 
     def __init__(self):
-        self._line: deque[tuple[str, str | bytes]] = deque()  # kind and data
+        self._queue: deque[tuple[str, str | bytes]] = deque()  # kind and data
 
     def __len__(self) -> int:
-        return len(self._line)
+        return len(self._queue)
 
     def add(self, kind: str, *frames: str | bytes) -> None:
-        """Add texts, a motion's text and payload, or rows of samples without head; see `_MAKES_VOID`."""
-        self._line = deque(frame for frame in self._line if frame[0] not in _MAKES_VOID.get(kind, ()))
-        self._line += [(kind, frame) for frame in frames]
-        if sum(len(data) for kind_of_frame, data in self._line if kind_of_frame == "samples") > MOST_BYTES:
+        """Add texts, a motion's text and payload, or rows of samples without head; see `_REPLACES`."""
+        self._queue = deque(frame for frame in self._queue if frame[0] not in _REPLACES.get(kind, ()))
+        self._queue += [(kind, frame) for frame in frames]
+        if sum(len(data) for kind_of_frame, data in self._queue if kind_of_frame == "samples") > MOST_BYTES:
             self._drop_oldest("samples")
-        if sum(isinstance(data, str) for _, data in self._line) > MOST_TEXTS:
+        if sum(isinstance(data, str) for _, data in self._queue) > MOST_TEXTS:
             self._drop_oldest("impacts", "log", "answer", "status")
 
     def take(self) -> str | bytes:
         """Remove and return the next frame; consecutive rows of samples are joined to one frame."""
-        kind, data = self._line.popleft()
+        kind, data = self._queue.popleft()
         if isinstance(data, str) or kind != "samples":
             return data
-        while len(data) < FRAME_BYTES and self._line and self._line[0][0] == "samples":
-            _, more = self._line.popleft()
+        while len(data) < FRAME_BYTES and self._queue and self._queue[0][0] == "samples":
+            _, more = self._queue.popleft()
             assert isinstance(more, bytes)
             data += more
         return samples_frame(data)
 
     def _drop_oldest(self, *kinds: str) -> None:
-        for item in self._line:
+        for item in self._queue:
             if item[0] in kinds:
-                self._line.remove(item)
+                self._queue.remove(item)
                 return
 
 
 class _Http(HTTPServer):
     """An HTTP server with at most `MOST_CONNECTIONS`, and a limited write buffer for each.
 
-    `of_pages` returns the streams of open pages, which are not closed to make room for new connections.
+    `page_streams` returns the streams of open pages, which are not closed to make room for new connections.
     """
 
     def initialize(self, *arguments: Any, **options: Any) -> None:
         super().initialize(*arguments, **options)
         self._open: list[Any] = []
-        self.of_pages: Callable[[], Sequence[Any]] = list
+        self.page_streams: Callable[[], Sequence[Any]] = list
 
     def handle_stream(self, stream: Any, address: Any) -> None:
-        self._open = [stream_of_connection for stream_of_connection in self._open if not stream_of_connection.closed()]
+        self._open = [open_stream for open_stream in self._open if not open_stream.closed()]
         if len(self._open) >= MOST_CONNECTIONS:
-            of_pages = self.of_pages()  # fewer than connections; the oldest other one is most likely idle
-            silent = next(open_stream for open_stream in self._open if open_stream not in of_pages)
-            self._open.remove(silent)
-            silent.close()
+            page_streams = self.page_streams()  # fewer than connections; the oldest other one is most likely idle
+            idle = next(open_stream for open_stream in self._open if open_stream not in page_streams)
+            self._open.remove(idle)
+            idle.close()
         self._open.append(stream)
         stream.max_write_buffer_size = MOST_UNSENT
         super().handle_stream(stream, address)

@@ -152,29 +152,29 @@ def bag_motion(folder: Path, progress: Progress = lambda share: None,
 class _BagMotion:
     def __init__(self, stream: BagStream, progress: Progress, scene: Scene | None):
         self._stream, self._progress = stream, progress
-        self._faults: list[str] = []  # why the run could not be simulated from its commands
+        self._faults: list[str] = []  # reasons why the run could not be simulated from its commands
         self._notes: list[str] = []
         self._exact: ExactMotion | None = None
         self._resets: list[float] = []  # instants [s] of the first samples after resets
         self._scene = scene
-        self._facts: RecordedRun | None = None
+        self._run: RecordedRun | None = None
         try:
-            self._facts = recorded_run(stream)
+            self._run = recorded_run(stream)
         except BagError as error:
             reason = str(error).removeprefix(f"{stream.folder}: ").partition(";")[0]
             self._faults.append(f"the bag {reason}" if reason.startswith(("says", "cannot")) else reason)
-        if self._facts and scene:
+        if self._run and scene:
             raise BagError(f"{stream.folder}: says which scene its robot simulated; leave --scene out")
         self._recorded = Recorded(stream, self._part(0.0, _READ_SHARE))
-        if self._facts and not self._has_sample_stamps(self._facts):
-            self._scene, self._facts = self._facts.scene, None
+        if self._run and not self._has_sample_stamps(self._run):
+            self._scene, self._run = self._run.scene, None
         self._signals = self._recorded.signals(self._times)
         if not any(len(signal.times) for name, signal in self._signals.items() if is_position(name)):
             raise BagError(f"{stream.folder}: holds no state to draw; give a bag with odom or joint_states")
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
-        if self._facts:
-            self._run_again(self._facts)
+        if self._run:
+            self._run_again(self._run)
         elif not self._scene:
             self._notes.append("the bag does not say which robot moved; name the robot's scene with --scene")
         self._resets = sorted({*(self._exact.resets if self._exact else ()), *(
@@ -187,17 +187,17 @@ class _BagMotion:
         names = [name for name in shown_quantities(scene) if self._scene or name in self._signals]
         rest = [interpolate(self._signals, names, span, self._resets) for span in inexact]
         instants = self._exact.instants if self._exact else []
-        made = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_SIMULATED_SHARE, 1.0))
-        if made.end < math.inf:
-            self._notes.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
+        fitted = fitted_motion(names, self._intervals, instants, rest, LARGEST, self._part(_SIMULATED_SHARE, 1.0))
+        if fitted.end < math.inf:
+            self._notes.append(f"the motion after {fitted.end:.6g} s is left out: it would not fit into a page")
         if self._recorded.cut_short:
             self._notes.append("the end of the recording is left out: it is too long for a page")
-        resolved = made.end < math.inf or len(made.exact) == len(self._intervals)
+        resolved = fitted.end < math.inf or len(fitted.exact) == len(self._intervals)
         facts = {"exact": resolved and not inexact, "why": self._why(bool(inexact), resolved),
-                 "exact_spans": spans(made.exact), "impacts": self._impacts(made.end),
-                 "resets": [time for time in self._resets if time <= made.end],
-                 "pushes": pushes(self._facts, self._recorded.inputs) if self._facts else []}
-        header, payload = made.writer.document(facts)
+                 "exact_spans": spans(fitted.exact), "impacts": self._impacts(fitted.end),
+                 "resets": [time for time in self._resets if time <= fitted.end],
+                 "pushes": pushes(self._run, self._recorded.inputs) if self._run else []}
+        header, payload = fitted.writer.document(facts)
         self._progress(1.0)
         return {"title": self._stream.folder.resolve().name, "robot": scene.name, "machine": drawing(scene),
                 "notes": [*self._notes, *self._stream.flaws]}, header, payload
@@ -212,35 +212,35 @@ class _BagMotion:
     def _nanoseconds(self, arrays: Arrays, start: int) -> np.ndarray:
         return np.rint(arrays["time"] * 1e9).astype(np.int64) + (self._stream.start - start)
 
-    def _has_sample_stamps(self, facts: RecordedRun) -> bool:
+    def _has_sample_stamps(self, run: RecordedRun) -> bool:
         """Return whether all messages were recorded with the stamp of a sample."""
         for arrays in self._recorded.arrays.values():
-            stamps = self._nanoseconds(arrays, facts.start)
-            ticks = np.rint(stamps * 1e-9 * facts.rate)
-            if (ticks < 0.0).any() or (np.rint(ticks / facts.rate * 1e9) != stamps).any():
+            stamps = self._nanoseconds(arrays, run.start)
+            ticks = np.rint(stamps * 1e-9 * run.rate)
+            if (ticks < 0.0).any() or (np.rint(ticks / run.rate * 1e9) != stamps).any():
                 self._faults.append("the stamps in the bag are not those of the robot's samples")
                 return False
         return True
 
     def _times(self, arrays: Arrays) -> np.ndarray:
         """Return the instants [s] of a topic's samples; in another recorder's bag, those in the headers if any."""
-        if self._facts:
-            stamps = self._nanoseconds(arrays, self._facts.start)
-            return np.rint(stamps * 1e-9 * self._facts.rate) / self._facts.rate
+        if self._run:
+            stamps = self._nanoseconds(arrays, self._run.start)
+            return np.rint(stamps * 1e-9 * self._run.rate) / self._run.rate
         return arrays.get("stamp", arrays["time"])
 
-    def _run_again(self, facts: RecordedRun) -> None:
+    def _run_again(self, run: RecordedRun) -> None:
         """Simulate the recorded run again with its inputs.
 
         Its samples are all those that any topic has, and those after which the robot received an input.
         """
-        is_known = not facts.begins_late
+        is_known = not run.begins_late
         signals = {name: signal for name, signal in self._signals.items() if is_position(name)}
-        numbers = {name: np.rint(signal.times * facts.rate).astype(np.int64) for name, signal in signals.items()}
+        numbers = {name: np.rint(signal.times * run.rate).astype(np.int64) for name, signal in signals.items()}
         last = max(int(ticks_of_signal[-1]) for ticks_of_signal in numbers.values() if len(ticks_of_signal))
         numbered: list[tuple[int, Input]] = []
         for received in self._recorded.inputs:
-            if (tick := facts.tick(received.stamp)) is None:
+            if (tick := run.tick(received.stamp)) is None:
                 self._faults.append(f"the stamp {received.stamp} of an input is not that of a sample")
             elif tick <= last:
                 numbered.append((tick, received))
@@ -253,12 +253,12 @@ class _BagMotion:
         for tick, received in numbered:
             inputs.setdefault(int(np.searchsorted(ticks, tick)), []).append(received)
         with without_tolerance_warning():
-            rerun = Rerun(facts, facts.scene)
+            rerun = Rerun(run, run.scene)
         self._scene = rerun.scene
         self._exact = ExactMotion(rerun, positions, ticks, inputs, is_known)
         self._exact.walk(self._part(_READ_SHARE, _SIMULATED_SHARE))
         if not is_known and (self._exact.run_since is None or self._exact.run_since > self._ends[0]):
-            late = (self._stream.start - facts.start) * 1e-9
+            late = (self._stream.start - run.start) * 1e-9
             self._faults.append(f"the recording begins {late:.6g} s after the robot's start and what it had "
                                 "received before is unknown")
         self._faults += self._exact.faults
@@ -277,8 +277,8 @@ class _BagMotion:
     def _why(self, is_open: bool, resolved: bool) -> str:
         """Return why not everything is exact; empty if it is, where a fault without effect is only noted."""
         faults = self._faults[:MOST_FAULTS]
-        if self._facts and faults:
-            faults += notes(self._stream, self._facts)
+        if self._run and faults:
+            faults += notes(self._stream, self._run)
         if is_open:
             return "; ".join([*faults, "there the motion is interpolated between the samples"])
         self._notes += faults
@@ -287,7 +287,7 @@ class _BagMotion:
     def _impacts(self, end: float) -> list[dict[str, Any]]:
         """Return the computed impacts where the motion is exact, and the recorded ones elsewhere, if there are any."""
         impacts = list(self._exact.impacts) if self._exact else []
-        start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
+        start = (self._stream.start - self._run.start) * 1e-9 if self._run else 0.0
         recorded = [Impact(stamp + start, stamp + start, side, force)
                     for stamp, side, force in self._recorded.impacts()]
         borders = np.array(spans(self._intervals)).ravel()  # exact from each even one to the odd one after it
@@ -300,17 +300,17 @@ class _BagMotion:
         return impacts_as_json(impacts)
 
 
-def pushes(facts: RecordedRun, inputs: Sequence[Input]) -> list[dict[str, float]]:
+def pushes(run: RecordedRun, inputs: Sequence[Input]) -> list[dict[str, float]]:
     """Return the recorded pushes of the body: ``begin``, ``end`` [s] of robot time, ``force_x``, ``force_z`` [N]."""
     pushed: list[dict[str, float]] = []
     for received in inputs:
-        tick = facts.tick(received.stamp)
+        tick = run.tick(received.stamp)
         if received.name != OPERATIONS or tick is None:
             continue
         try:
             operation = read_operation(deserialised(received.data, TOPICS[OPERATIONS].type).data)
             if operation.name in (PUSH, RESET):
-                time = facts.time(tick)
+                time = run.time(tick)
                 if pushed:
                     pushed[-1]["end"] = min(pushed[-1]["end"], time)
                 if operation.name == PUSH and (duration := DURATION.checked(operation.parameters["duration"])):

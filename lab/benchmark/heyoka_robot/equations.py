@@ -21,15 +21,10 @@ BODY_PARAMETERS = ("slide", "direction", "mobility", "stick", "slip", "air")
 
 
 class RunTimeParameters:
-    """heyoka's run-time parameters by name; heyoka itself numbers them.
-
-    Attributes
-    ----------
-    number : dict of str to int
-        Number of each parameter that has been asked for.
-    """
+    """heyoka's run-time parameters by name; heyoka itself numbers them."""
 
     def __init__(self):
+        # number of each parameter that has been asked for
         self.number = {name: number for number, name in enumerate(BODY_PARAMETERS)}
 
     def __getitem__(self, name: str) -> hy.expression:

@@ -30,24 +30,15 @@ _VOLTAGE_NUDGE = 1e-12  # V
 
 @dataclass(frozen=True)
 class HeyokaRun:
-    """What heyoka has found in a run.
+    """Results of a run by heyoka; zero for coordinates that the scene does not have."""
 
-    Attributes
-    ----------
-    samples : ndarray, shape (n, 8)
-        u, u', w, w', x, x', y, y' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
-    driven : ndarray, shape (n, 9)
-        theta [rad], omega [rad/s]; of a dc motor V and i [V, A], of another one omega' [rad/s²], which follows from the
-        commands alone as the plates' positions [m] and speeds [m/s] do (`DRIVEN`); zero for what the scene does not
-        have.
-    events : structured ndarray, shape (events,)
-        By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
-        `unloaded`, `lift_off`, `landing`, `crank_stops`, `crank_turns`), and for contacts approach `speed` [m/s] and
-        `duration` [s], infinite if they last at the end.
-    """
-
-    samples: np.ndarray
+    samples: np.ndarray  # shape (n, 8): u, u', w, w', x, x', y, y' [m, m/s], as `COLUMNS`
+    # Shape (n, 9), as `DRIVEN`: theta [rad], omega [rad/s]; of a dc motor V and i [V, A], of another one omega'
+    # [rad/s²]; and the plates' positions [m] and speeds [m/s], which follow from the commands alone.
     driven: np.ndarray
+    # Structured, shape (events,), by time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`,
+    # `slip_forward`, `slip_backward`, `unloaded`, `lift_off`, `landing`, `crank_stops`, `crank_turns`), and for
+    # contacts approach `speed` [m/s] and `duration` [s], infinite if they last at the end.
     events: np.ndarray
 
 

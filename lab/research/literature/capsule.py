@@ -112,18 +112,10 @@ def progression(device: Simulator, period: float) -> Progression:
 
 @dataclass(frozen=True)
 class Survey:
-    """Progressions of a random machine with every mass ratio, each from several starts.
+    """Progressions of a random machine with every mass ratio, each from several starts."""
 
-    Attributes
-    ----------
-    machine : Capsule
-        The machine, with the first of the mass ratios.
-    progressions : dict
-        Progressions from rest and from each random start, by mass ratio.
-    """
-
-    machine: Capsule
-    progressions: dict[float, tuple[Progression, ...]]
+    machine: Capsule  # the machine, with the first of the mass ratios
+    progressions: dict[float, tuple[Progression, ...]]  # from rest and from each random start, by mass ratio
 
     def signs_from_rest(self) -> set[float]:
         """Directions, 1 and -1, of the settled progressions from rest over all mass ratios."""

@@ -23,15 +23,10 @@ from scipy.integrate import solve_ivp
 class TerminalEvent:
     """An event of scipy's `solve_ivp`: a function of time and state at whose passage through zero an integration ends.
 
-    Attributes
-    ----------
-    terminal : bool
-        Always True, so that scipy ends the integration there.
-    direction : float
-        Sign of the zero crossings that are detected, dimensionless; 0 for both.
+    `direction` is the sign of the zero crossings that are detected; 0 for both.
     """
 
-    terminal = True
+    terminal = True  # so that scipy ends the integration there
 
     def __init__(self, function: Callable[[float, np.ndarray], float], direction: float):
         self._function, self.direction = function, direction
@@ -50,33 +45,15 @@ _FIRST_STEP = 1e-6
 
 @dataclass(frozen=True)
 class Capsule:
-    """Dimensionless parameters of a vibro-impact capsule.
+    """Dimensionless parameters of a vibro-impact capsule."""
 
-    Attributes
-    ----------
-    alpha : float
-        Amplitude of the drive's force over the friction force, dimensionless.
-    omega : float
-        Frequency of the drive over that of the internal mass on its spring, dimensionless.
-    beta : float
-        Stiffness of the second spring over that of the first, dimensionless.
-    gamma : float
-        Mass of the capsule over the internal mass, dimensionless.
-    delta : float
-        Gap of the second spring over P_f / k1, dimensionless.
-    xi : float
-        Damping ratio of the internal mass on its spring, dimensionless.
-    grip : float
-        Friction against sliding backwards over that against sliding forwards, dimensionless; infinite for wheels that
-        turn one way only.
-    """
-
-    alpha: float
-    omega: float
-    beta: float
-    gamma: float
-    delta: float
-    xi: float
+    alpha: float  # amplitude of the drive's force over the friction force
+    omega: float  # frequency of the drive over that of the internal mass on its spring
+    beta: float  # stiffness of the second spring over that of the first
+    gamma: float  # mass of the capsule over the internal mass
+    delta: float  # gap of the second spring over P_f / k1
+    xi: float  # damping ratio of the internal mass on its spring
+    # Friction against sliding backwards over that forwards; infinite for wheels that turn one way only.
     grip: float = 1.0
 
     @property

@@ -29,19 +29,11 @@ class Mapped:
 
 @dataclass(frozen=True)
 class Check:
-    """An independent integration of the published equations beside the model's own.
+    """An independent integration of the published equations beside the model's own."""
 
-    Attributes
-    ----------
-    what : str
-        Description of the comparison, with the unit.
-    error, bound : float
-        Largest difference, and its upper bound, in this unit.
-    """
-
-    what: str
-    error: float
-    bound: float
+    what: str  # description of the comparison, with the unit
+    error: float  # largest difference, in this unit
+    bound: float  # its upper bound
 
     @property
     def passed(self) -> bool:

@@ -49,29 +49,15 @@ def robot_scene(gap: float, motor: float) -> Scene:
 
 @dataclass(frozen=True)
 class Moved:
-    """A motion at a gap and a motor speed.
+    """A motion at a gap and a motor speed."""
 
-    Attributes
-    ----------
-    gap, motor : float
-        Gap [m], infinite without a plate, and motor speed [rad/s].
-    speed, spread : float
-        Mean speed towards the plate [m/s], and half its 95 % interval: 0 for a periodic motion, NaN for a single start.
-    share : float
-        Share of the starts that lead to this motion, dimensionless.
-    words : str
-        Speed, period, number of starts that lead to it, and the 95 % interval of their share, for the reader.
-    approach : float
-        Mean impact speed of the mass on the plate [m/s]; 0 without an impact.
-    """
-
-    gap: float
-    motor: float
-    speed: float
-    spread: float
-    share: float
-    words: str
-    approach: float
+    gap: float  # [m], infinite without a plate
+    motor: float  # motor speed [rad/s]
+    speed: float  # mean speed towards the plate [m/s]
+    spread: float  # half its 95 % interval: 0 for a periodic motion, NaN for a single start
+    share: float  # share of the starts that lead to this motion, dimensionless
+    words: str  # for the reader: speed, period, and number of starts with the 95 % interval of their share
+    approach: float  # mean impact speed of the mass on the plate [m/s]; 0 without an impact
 
 
 def motions(gap: float, motor: float, starts: int) -> list[Moved]:

@@ -29,21 +29,11 @@ _SAMPLES = 400
 
 @dataclass(frozen=True)
 class Oscillator:
-    """An impact oscillator.
+    """An impact oscillator; all numbers are dimensionless."""
 
-    Attributes
-    ----------
-    omega : float
-        Frequency of the force over the oscillator's own, dimensionless.
-    sigma : float
-        Position of the stop in units of the force over the stiffness, dimensionless.
-    restitution : float
-        Speed after an impact over the speed before it, dimensionless.
-    """
-
-    omega: float
-    sigma: float
-    restitution: float
+    omega: float  # frequency of the force over the oscillator's own
+    sigma: float  # position of the stop in units of the force over the stiffness
+    restitution: float  # speed after an impact over the speed before it
 
     @property
     def reach(self) -> float:

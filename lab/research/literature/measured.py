@@ -8,24 +8,12 @@ from typing import NamedTuple
 
 
 class MeasurementSource(NamedTuple):
-    """A source with measurements of a robot.
+    """A source with measurements of a robot."""
 
-    Attributes
-    ----------
-    source : str
-        Citation in Markdown.
-    read : str
-        Part of it that could be read.
-    reports : str
-        Measurements and parameters that this part reports or announces.
-    missing : str
-        What the model would need and this part does not give.
-    """
-
-    source: str
-    read: str
-    reports: str
-    missing: str
+    source: str  # citation in Markdown
+    read: str  # part of it that could be read
+    reports: str  # measurements and parameters that this part reports or announces
+    missing: str  # what the model would need and this part does not give
 
 
 SOURCES = (

@@ -35,21 +35,11 @@ _HALF_SPEED_PRESS = 0.99
 
 @dataclass(frozen=True)
 class Shaking:
-    """Shaking of the body.
+    """Shaking of the body."""
 
-    Attributes
-    ----------
-    press : float
-        Amplitude of the normal force over the weight, dimensionless.
-    lead : float
-        Phase [rad] by which the normal force leads the speed along the ground.
-    speed : float
-        Amplitude [m/s] of the speed along the ground.
-    """
-
-    press: float
-    lead: float
-    speed: float
+    press: float  # amplitude of the normal force over the weight, dimensionless
+    lead: float  # phase [rad] by which the normal force leads the speed along the ground
+    speed: float  # amplitude [m/s] of the speed along the ground
 
 
 def closed_form(press_in_phase: float) -> float:
@@ -65,14 +55,9 @@ def closed_form(press_in_phase: float) -> float:
 def block_scene(press: float, tuning: float = STIFF, damping: float = 0.3, weakness: float = WEAKNESS) -> Scene:
     """Return the scene of a block that the inclined mass shakes along x and the upper mass presses.
 
-    Parameters
-    ----------
-    press : float
-        Amplitude of the normal force over the weight, dimensionless.
-    tuning, damping : float
-        Frequency of the upper mass on its spring over the motor's, and its damping ratio; dimensionless.
-    weakness : float
-        Change of speed by friction per radian over the amplitude of the speed, dimensionless.
+    `press` is the amplitude of the normal force over the weight, `tuning` the frequency of the upper mass on its spring
+    over the motor's, `damping` its damping ratio, and `weakness` the change of speed by friction per radian over the
+    amplitude of the speed.
     """
     natural_frequency = tuning * _SPEED
     reach = abs(_response(natural_frequency, damping, _SPEED))

@@ -118,14 +118,8 @@ def section(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbe
             papers: Mapping[str, Sequence[Numbers]], motions: Mapping[str, Sequence[Numbers]]) -> str:
     """Return the section in Markdown.
 
-    Parameters
-    ----------
-    results, papers : mapping
-        Results, and `papers_robots` under the same forces, by the name of the search.
-    watched : mapping
-        Results of `lasting` by the name of the robot: the scene `paper`, or a search's optimum.
-    motions : mapping
-        Results of `motions_of_optima`.
+    `results` and `papers`, of `papers_robots` under the same forces, are by the name of the search; `watched`, of
+    `lasting`, by the name of the search or `paper`; `motions` are those of `motions_of_optima`.
     """
     findings = "\n".join(f"- {text}" for text in (
         about_power(watched["paper"]), about_front(results, papers["front"]),
@@ -296,9 +290,9 @@ def rows_of(result: Numbers, words: str) -> list[Numbers]:
     return [row for row in result["verified"] if words in row["reading"]]
 
 
-def range_of(rows: Sequence[Numbers], factor: float = 1.0) -> str:
-    """Text of the slowest and fastest mean speed of several rows, times `factor`; no mean over them."""
-    values = sorted({number(factor * row["speed"]["mean"]) for row in rows}, key=lambda text: abs(float(text)))
+def range_of(rows: Sequence[Numbers]) -> str:
+    """Text of the slowest and fastest mean speed of several rows; no mean over them."""
+    values = sorted({number(row["speed"]["mean"]) for row in rows}, key=lambda text: abs(float(text)))
     return " to ".join([values[0], values[-1]] if len(values) > 1 else values)
 
 

@@ -38,18 +38,10 @@ UNITS = {"angle": "°", "mass": "kg", "crank": "m"}
 
 
 class FigurePoint(NamedTuple):
-    """One robot of a figure.
+    """One robot of a figure."""
 
-    Attributes
-    ----------
-    series : str
-        A key of `SERIES`.
-    value : float
-        One of its values [°, kg or m].
-    """
-
-    series: str
-    value: float
+    series: str  # a key of `SERIES`
+    value: float  # one of its values [°, kg or m]
 
     def changes(self) -> dict[str, float]:
         """Parameters in which this robot differs from the paper's first robot."""
@@ -73,32 +65,18 @@ ON_SLIDERS = "on sliders"
 
 
 class Reading(NamedTuple):
-    """One choice for everything that the paper does not specify.
+    """One choice for everything that the paper does not specify."""
 
-    Attributes
-    ----------
-    solver : str
-        `exact`, `rkfixed` (Runge-Kutta of fixed step without event location) or `Rkadapt` (the same, adaptive step).
-    step : float
-        Step of `rkfixed` [s]; else 0.
-    equations : str
-        `corrected` or `misprint` (xi_2 for xi_3 in eqs. (1), (6) and (7), taken literally).
-    normal_force : str
-        Rule of the normal force: `printed`, `unilateral`, `weight` or `hop`.
-    start : str
-        `near zero` (every coordinate 0 but the crank's, which is a little ahead), `near rest` (each mass at rest on its
-        slider or its plate, and the crank a little ahead), or `any phase` (the same with the crank anywhere in the half
-        turn in which the upper slider moves). The first start near `zero` or `rest` is that state itself. Near `rest`
-        the masses are where the sliders were before the crank was ahead; `on sliders`, where the sliders are then.
-    friction : str
-        `eq5` (Coulomb's, eq. (5)), `smooth` (x' / (abs(x') + 1 mm/s) for sign(x')), or `reversed` (the other sign).
-    """
-
-    solver: str
-    step: float
-    equations: str
-    normal_force: str
+    solver: str  # `exact`, `rkfixed` (Runge-Kutta of fixed step without event location) or `Rkadapt` (of adaptive step)
+    step: float  # step of `rkfixed` [s]; else 0
+    equations: str  # `corrected` or `misprint` (xi_2 for xi_3 in eqs. (1), (6) and (7), taken literally)
+    normal_force: str  # rule of the normal force: `printed`, `unilateral`, `weight` or `hop`
+    # `near zero` (every coordinate 0 but the crank's, which is a little ahead), `near rest` (each mass at rest on its
+    # slider or its plate, and the crank a little ahead), or `any phase` (the same with the crank anywhere in the half
+    # turn in which the upper slider moves). The first start near `zero` or `rest` is that state itself. Near `rest` the
+    # masses are where the sliders were before the crank was ahead; `on sliders`, where the sliders are then.
     start: str
+    # `eq5` (Coulomb's, eq. (5)), `smooth` (x' / (abs(x') + 1 mm/s) for sign(x')), or `reversed` (the other sign).
     friction: str
 
     def __str__(self):
@@ -184,25 +162,14 @@ Pairs = tuple[tuple[float, float], ...]
 
 
 class RankingClaim(NamedTuple):
-    """One claim of the paper.
+    """One claim of the paper."""
 
-    Attributes
-    ----------
-    name : str
-        Name in the tables.
-    words : str
-        Statement of the paper.
-    series : str
-        Series of the robots that it compares.
-    named, others : tuple of (float, float)
-        Pairs of values of that series: of the robot that is said to be faster, and of the slower one.
-    """
-
-    name: str
-    words: str
-    series: str
+    name: str  # name in the tables
+    words: str  # statement of the paper
+    series: str  # series of the robots that it compares
+    # Pairs of values of that series that the text names: of the robot that is said to be faster, and the slower one.
     named: Pairs
-    others: Pairs
+    others: Pairs  # further pairs that follow from the statement
 
 
 def _faster(value: float, *slower: float) -> Pairs:
@@ -241,28 +208,14 @@ class Mean(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """Outcome of every claim under one reading, over one span; each tuple has the order of `CLAIMS`.
-
-    Attributes
-    ----------
-    reading : Reading
-        The reading.
-    span : Span
-        The span.
-    one_run : tuple of str
-        Outcomes by the speed along Ox of the first start only.
-    along_ox, size : tuple of str
-        Outcomes by the means over the starts of the speed along Ox, and of its magnitude.
-    means : dict of FigurePoint to Mean
-        Mean speed along Ox of each robot [m/s].
-    """
+    """Outcome of every claim under one reading, over one span; each tuple has the order of `CLAIMS`."""
 
     reading: Reading
     span: Span
-    one_run: tuple[str, ...]
-    along_ox: tuple[str, ...]
-    size: tuple[str, ...]
-    means: dict[FigurePoint, Mean]
+    one_run: tuple[str, ...]  # outcomes by the speed along Ox of the first start alone
+    along_ox: tuple[str, ...]  # outcomes by the means over the starts of the speed along Ox
+    size: tuple[str, ...]  # the same of the magnitude of the speed
+    means: dict[FigurePoint, Mean]  # mean speed along Ox of each robot [m/s]
 
     @property
     def forwards(self) -> tuple[int, int]:

@@ -53,13 +53,9 @@ class Energies(NamedTuple):
 
 
 def page(verdicts: Sequence[Verdict], singles: Sequence[Single], effort: SimulationEffort, data: str) -> str:
-    """Return the whole page; `singles` are those of `single_runs`, `data` is the folder of the verdicts' file and of
-    the pictures, relative to the page.
+    """Return the whole page from the verdicts and from the results of `single_runs`.
 
-    Raises
-    ------
-    SimulationError
-        If the run that measures the misprint's energy cannot go on.
+    `data` is the folder of the verdicts' file and of the pictures, relative to the page.
     """
     exact = [verdict for verdict in verdicts if verdict.reading.solver == "exact" and verdict.reading.start in STARTS]
     on_sliders = [verdict for verdict in verdicts if verdict.reading.start == ON_SLIDERS]
@@ -333,13 +329,7 @@ def speed_in_words(speed: float) -> str:
 
 
 def work_of_a_second() -> Energies:
-    """Compute the energies of the first second at φ = 80°, from `rest`, with the rule `printed` and the misprint.
-
-    Raises
-    ------
-    SimulationError
-        If the run cannot go on.
-    """
+    """Compute the energies of the first second at φ = 80°, from `rest`, with the rule `printed` and the misprint."""
     reading = Reading("exact", 0.0, "misprint", "printed", NEAR_REST, "eq5")
     scene = reading.scene(_BEST).with_parameters({"solver.accounts": True})
     device = vibro_ros.Simulator(scene)
@@ -366,15 +356,7 @@ def file_name(reading: Reading) -> str:
 
 
 def draw_reading(reading: Reading, folder: Path) -> Path:
-    """Draw the four figures under a reading by `exact`, from its first start; returns the file.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
-    OSError
-        If the file cannot be written.
-    """
+    """Draw the four figures under a reading by `exact`, from its first start; returns the file."""
     with mpl.rc_context({"font.size": 8, "savefig.dpi": 110, "lines.linewidth": 0.8}):
         figure = Figure(figsize=(9.0, 6.4), layout="constrained")
         (masses, angles), (heavier, longer) = figure.subplots(2, 2)

@@ -43,19 +43,11 @@ NEAR = 0.1
 
 
 class SimulationEffort(NamedTuple):
-    """Amount of simulation.
-
-    Attributes
-    ----------
-    readings : tuple of Reading
-        The readings.
-    exact_starts, worksheet_starts : int
-        Number of starts of each robot under readings with `exact`, and under the others.
-    """
+    """Amount of simulation."""
 
     readings: tuple[Reading, ...]
-    exact_starts: int
-    worksheet_starts: int
+    exact_starts: int  # number of starts of each robot under readings with `exact`
+    worksheet_starts: int  # the same under the other readings
 
     def starts(self, reading: Reading) -> int:
         """Number of starts under a reading."""
@@ -102,15 +94,7 @@ def advance(start: str, number: int) -> float:
 
 
 def displacements(batch: Batch) -> np.ndarray:
-    """Compute the displacements of the body [m], shape (starts, instants); not finite where a worksheet diverges.
-
-    Raises
-    ------
-    SimulationError
-        If `exact` cannot go on.
-    RuntimeError
-        If the step of `Rkadapt` becomes too small.
-    """
+    """Compute the displacements of the body [m], shape (starts, instants); not finite where a worksheet diverges."""
     times = np.array([instant for instant in instants(batch.reading) if instant <= batch.until])
     displacement = functools.partial(_displacement, batch.reading, batch.point, times)
     return np.array([displacement(number) for number in range(batch.starts)])
@@ -143,13 +127,7 @@ def masses_on_sliders(device: vibro_ros.Simulator) -> dict[str, float]:
 
 
 def judged(effort: SimulationEffort) -> list[Verdict]:
-    """Run the study, and judge every claim under every reading of `effort`.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
-    """
+    """Run the study, and judge every claim under every reading of `effort`."""
     every = batches(effort)
     for reading in {batch.reading.solver: batch.reading for batch in every}.values():
         displacements(Batch(reading, FigurePoint("angle", 40.0), 1))  # compiles the method once for all processes
@@ -172,13 +150,7 @@ class Single(NamedTuple):
 
 
 def single_runs(judgements: Iterable[Verdict], runs: int = 300) -> list[Single]:
-    """Simulate `runs` starts of each reading of the corrected equations whose first start alone gives all claims.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
-    """
+    """Simulate `runs` starts of each reading of the corrected equations whose first start alone gives all claims."""
     singles = []
     for verdict in judgements:
         reading = verdict.reading
@@ -213,13 +185,7 @@ def write_verdicts(path: Path, judgements: Iterable[Verdict]) -> None:
 
 
 def read_verdicts(path: Path) -> list[Verdict]:
-    """Read the verdicts from a file of `write_verdicts`.
-
-    Raises
-    ------
-    ValueError
-        If the file has other columns.
-    """
+    """Read the verdicts from a file of `write_verdicts` (ValueError if it has other columns)."""
     with path.open(encoding="utf-8", newline="") as file:
         columns, *rows = csv.reader(file)
     if tuple(columns) != _VERDICT_COLUMNS:

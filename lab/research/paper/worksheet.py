@@ -154,13 +154,7 @@ def rkfixed(scene: Scene, friction: str, advance: float, step: float, instants: 
 
 
 def rkadapt(scene: Scene, friction: str, advance: float, instants: np.ndarray) -> np.ndarray:
-    """Displacement of the body [m] at `instants` [s] by steps of adaptive length.
-
-    Raises
-    ------
-    RuntimeError
-        If the step becomes too small.
-    """
+    """Displacement of the body [m] at `instants` [s] by adaptive steps (RuntimeError if they get too short)."""
     sheet = worksheet(scene, friction, advance)
     solved = solve_ivp(rates, (0.0, instants[-1]), start_state(scene), method="RK45", t_eval=instants, args=(sheet,),
                        rtol=TOLERANCE, atol=ABSOLUTE)

@@ -44,8 +44,8 @@ def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, t
     monkeypatch.setattr(accuracy, "DEVICE", {"exact": DEVICE["exact"]})
     options = ["--all", "--horizon", "0.05", "--starts", "2"]
     assert accuracy.main([*options, "--patience", "0.01", "--output", str(tmp_path)]) == 1
-    said = capsys.readouterr()
-    assert "damped: exact cannot simulate it: at 0.1 s" in said.err and "unilateral: The mean speed: " in said.out
+    output = capsys.readouterr()
+    assert "damped: exact cannot simulate it: at 0.1 s" in output.err and "unilateral: The mean speed: " in output.out
     assert (tmp_path / "unilateral.png").exists() and not (tmp_path / "damped.png").exists()
 
 

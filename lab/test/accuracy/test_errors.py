@@ -15,19 +15,19 @@ def answer(instants):
     return Answer(np.zeros((len(TIMES), len(COLUMNS))), events)
 
 
-def distance(some, others):
+def distance(first, second):
     """Largest distance [s] from an instant of one array to the nearest instant of the other, by brute force.
 
     A contact without a counterpart counts with its distance from the nearest contact, whichever answer has it.
     """
-    return max(max(min(abs(a - b) for b in others) for a in some), max(min(abs(a - b) for a in some) for b in others))
+    return max(max(min(abs(x - y) for y in second) for x in first), max(min(abs(x - y) for x in first) for y in second))
 
 
 @pytest.mark.parametrize("sizes", [(1, 1), (5, 5), (40, 37), (3, 200)])
 def test_contacts_are_apart_by_the_hausdorff_distance(sizes):
     draw = np.random.default_rng(sizes)
-    some, others = (np.sort(draw.uniform(0.01, 1.0, size)) for size in sizes)
-    assert errors(answer(some), answer(others), 1.0).events == distance(some, others)
+    first, second = (np.sort(draw.uniform(0.01, 1.0, size)) for size in sizes)
+    assert errors(answer(first), answer(second), 1.0).events == distance(first, second)
 
 
 def test_contacts_of_the_beginning_do_not_count():

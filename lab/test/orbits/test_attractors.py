@@ -34,14 +34,14 @@ def test_two_motions_are_two_attractors(two):
 def test_a_motion_to_which_only_the_scenes_own_start_leads_is_named_and_has_no_share():
     """`device` at 100 rad/s goes -76.41 mm/s from its own start, which no drawn start finds."""
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0})
-    led, settled = vibro_lab.attractors(scene, starts=4), vibro_lab.settled_motion(scene)
-    (of_scene,) = (attractor for attractor in led if attractor.of_scene_start)
+    attractors, settled = vibro_lab.attractors(scene, starts=4), vibro_lab.settled_motion(scene)
+    (of_scene,) = (attractor for attractor in attractors if attractor.of_scene_start)
     assert of_scene.mean_speed == pytest.approx(settled.mean_speed, abs=1e-9) and of_scene.turns == settled.turns
     assert round(1e3 * of_scene.mean_speed, 2) == -76.41
     assert of_scene.starts == 0 and of_scene.share == of_scene.low == 0.0 < of_scene.high
-    assert sum(attractor.starts for attractor in led) == 4
-    assert list(led.drawn) == [attractor for attractor in led if attractor is not of_scene]
-    assert led.in_words().endswith(", the scene's own start)") and math.isfinite(of_scene.exponent)
+    assert sum(attractor.starts for attractor in attractors) == 4
+    assert list(attractors.drawn) == [attractor for attractor in attractors if attractor is not of_scene]
+    assert attractors.in_words().endswith(", the scene's own start)") and math.isfinite(of_scene.exponent)
 
 
 def test_exponents_are_those_of_the_orbits_multipliers(two):

@@ -36,11 +36,11 @@ def machine(**changes):
     return scene("machine", {"motor.speed": 100.0} | changes)
 
 
-def motor_numbers(of):
+def motor_numbers(robot):
     """K, J, R, L and b."""
-    ratio = of["motor.gear_ratio"]
-    return (ratio * of["motor.torque_constant"], ratio**2 * of["motor.rotor_inertia"] + of["motor.crank_inertia"],
-            of["motor.winding_resistance"], of["motor.winding_inductance"], of["motor.damping"])
+    ratio, inertia = robot["motor.gear_ratio"], robot["motor.crank_inertia"]
+    return (ratio * robot["motor.torque_constant"], ratio**2 * robot["motor.rotor_inertia"] + inertia,
+            robot["motor.winding_resistance"], robot["motor.winding_inductance"], robot["motor.damping"])
 
 
 def in_order(values):
@@ -51,33 +51,33 @@ def in_order(values):
 def test_a_motor_without_load_has_the_multipliers_of_its_run_up(winding):
     """A64. θ' = K V/(R b + K²); exp(-T/τ) with τ = J/(b + K²/R), or the exponentials of the two roots of
     L J p² + (R J + L b) p + R b + K²."""
-    of = scene("paper", VOLTS, ALONE, winding)
-    constant, inertia, resistance, inductance, b = motor_numbers(of)
+    robot = scene("paper", VOLTS, ALONE, winding)
+    constant, inertia, resistance, inductance, b = motor_numbers(robot)
     speed = constant * 15.0 / (resistance * b + constant**2)
     roots = (np.roots([inductance * inertia, resistance * inertia + inductance * b, resistance * b + constant**2])
              if inductance else np.array([-(b + constant**2 / resistance) / inertia]))
-    orbit = vibro_lab.find_orbit(of)
+    orbit = vibro_lab.find_orbit(robot)
     assert orbit.state.motor_speed == pytest.approx(speed, rel=1e-12)
     assert orbit.period == pytest.approx(2.0 * math.pi / speed, rel=1e-12)
     # Central differences over 1e-5: their own error is 1e-10 of the curvature, rounding 1e-16 / 1e-5.
     assert in_order(orbit.multipliers) == pytest.approx(in_order(np.exp(roots * orbit.period)), abs=1e-9)
-    spectrum = vibro_lab.lyapunov_spectrum(of)
+    spectrum = vibro_lab.lyapunov_spectrum(robot)
     assert spectrum.exponents == pytest.approx(np.sort(roots.real)[::-1], abs=1e-4)
 
 
-def section_map(of, phase, state):
+def section_map(robot, phase, state):
     """Return the state after a turn from [u, u', θ', i], with the upper mass alone and no plates, by DOP853 with an
     event of its own.
     """
-    constant, inertia, resistance, inductance, b = motor_numbers(of)
-    slider, mass = Slider(of["crank.radius"], of["crank.upper_rod"], 0.0), of["mass.upper"]
+    constant, inertia, resistance, inductance, b = motor_numbers(robot)
+    slider, mass = Slider(robot["crank.radius"], robot["crank.upper_rod"], 0.0), robot["mass.upper"]
 
     def rate(time, y):
         slope = slider.slope(y[2])
-        pull = (of["upper.spring.stiffness"] * (y[0] - slider.position(y[2]))
-                + of["upper.spring.damping"] * (y[1] - slope * y[3]))
+        pull = (robot["upper.spring.stiffness"] * (y[0] - slider.position(y[2]))
+                + robot["upper.spring.damping"] * (y[1] - slope * y[3]))
         return [y[1], -pull / mass, y[3], (constant * y[4] - b * y[3] + pull * slope) / inertia,
-                (of["motor.voltage"] - resistance * y[4] - constant * y[3]) / inductance]
+                (robot["motor.voltage"] - resistance * y[4] - constant * y[3]) / inductance]
 
     def passes(time, y):
         return y[2] - phase - 2.0 * math.pi
@@ -89,19 +89,20 @@ def section_map(of, phase, state):
 
 def test_the_map_of_a_section_is_that_of_another_integrator():
     """An orbit with 29 % of ripple, its period, and the derivative by central differences of that integrator's map."""
-    of = scene("unilateral", VOLTS, WINDING, {"effects.inclined_mass": False, "effects.upper_contact": "none",
+    robot = scene("unilateral", VOLTS, WINDING, {"effects.inclined_mass": False, "effects.upper_contact": "none",
                                               "upper.spring.damping": 3.0, "motor.crank_inertia": 2e-4})
-    orbit = vibro_lab.find_orbit(of)
-    turn_map = TurnMap(of, orbit.state.crank_angle)
+    orbit = vibro_lab.find_orbit(robot)
+    turn_map = TurnMap(robot, orbit.state.crank_angle)
     names = ("upper_position", "upper_velocity", "motor_speed", "motor_current")
     assert turn_map.names == names
     state = np.array([getattr(orbit.state, name) for name in names])
-    after, period = section_map(of, turn_map.phase, state)
+    after, period = section_map(robot, turn_map.phase, state)
     assert after == pytest.approx(state, rel=1e-10)  # the integrator's own error over a turn
     assert orbit.period == pytest.approx(period, rel=1e-11)
     matrix = np.empty((4, 4))
     for k, unit in enumerate(turn_map.units):
-        moved = [section_map(of, turn_map.phase, state + sign * 1e-4 * unit * np.eye(4)[k])[0] for sign in (1.0, -1.0)]
+        step = 1e-4 * unit * np.eye(4)[k]
+        moved = [section_map(robot, turn_map.phase, state + sign * step)[0] for sign in (1.0, -1.0)]
         matrix[:, k] = (moved[0] - moved[1]) / 2e-4 / turn_map.units
     by_device, _ = derivative(turn_map, turn_map.read(orbit.state))
     assert by_device == pytest.approx(matrix, abs=1e-6)  # 1e-4² of the curvature
@@ -113,17 +114,17 @@ def test_a_heavy_flywheel_has_the_orbit_and_the_multipliers_of_the_ideal_motor()
     masses' torque that changes with the speed."""
     apart = []
     for inertia in (0.2, 0.4):
-        of = scene("damped", VOLTS, {"motor.crank_inertia": inertia, "motor.speed": 100.0, "motor.voltage": 16.35})
-        orbit = vibro_lab.find_orbit(of)
+        robot = scene("damped", VOLTS, {"motor.crank_inertia": inertia, "motor.speed": 100.0, "motor.voltage": 16.35})
+        orbit = vibro_lab.find_orbit(robot)
         turning = 2.0 * math.pi / orbit.period
-        ideal = of.with_parameters({"effects.motor": "ideal", "motor.speed": turning})
+        ideal = robot.with_parameters({"effects.motor": "ideal", "motor.speed": turning})
         there = TurnMap(ideal, orbit.state.crank_angle)
         state = there.read(orbit.state)
         closes = vibro_lab.find_orbit(ideal)
         apart.append([abs(orbit.mean_speed / closes.mean_speed - 1.0),
                       np.abs(orbit.multipliers[1:3] - closes.multipliers[:2]).max(),
                       np.abs(there(state).state - state).max()])
-        constant, whole, resistance, _, b = motor_numbers(of)
+        constant, whole, resistance, _, b = motor_numbers(robot)
         rate = -math.log(orbit.multipliers[0].real) / orbit.period
         assert rate * whole == pytest.approx(b + constant**2 / resistance, rel=0.5)
     assert np.array(apart[0]) / apart[1] == pytest.approx(2.0, rel=0.05)
@@ -145,8 +146,8 @@ def test_the_fall_of_the_sommerfeld_effect_is_a_fold():
 
 def test_a_pair_of_runs_parts_by_the_voltage():
     """The 1-turn orbit at 40 V attracts: no pair parts."""
-    of = scene("machine", SOMMERFELD, {"motor.voltage": 40.0, "motor.speed": 200.0})
-    exponent, hidden = exponent_of_pairs(vibro_ros.Simulator(of), 4.0, 2.0)
+    robot = scene("machine", SOMMERFELD, {"motor.voltage": 40.0, "motor.speed": 200.0})
+    exponent, hidden = exponent_of_pairs(vibro_ros.Simulator(robot), 4.0, 2.0)
     assert exponent == 0.0 and hidden < 5.0
 
 
@@ -180,14 +181,14 @@ def test_motions_of_a_controller_are_told_within_the_jitter_of_its_samples():
 
 def test_a_crank_that_does_not_come_round_is_told():
     """2 V turn a crank without load, but not against the pressed masses; the error says so."""
-    of = machine(**{"motor.control": "voltage", "motor.voltage": 2.0, "motor.speed": 0.0})
+    robot = machine(**{"motor.control": "voltage", "motor.voltage": 2.0, "motor.speed": 0.0})
     with pytest.raises(SimulationError, match="the crank has not come round for .* give more than 2 for "
                                               "motor.voltage"):
-        vibro_lab.settled_motion(of)
+        vibro_lab.settled_motion(robot)
     with pytest.raises(ValueError, match="motor.voltage: 0.2 V turns no crank forwards; give more than 0.291"):
-        vibro_lab.find_orbit(of.with_parameters({"motor.voltage": 0.2}))
+        vibro_lab.find_orbit(robot.with_parameters({"motor.voltage": 0.2}))
 
 
 def test_the_unit_of_speed_at_a_voltage_is_that_without_load():
-    of = scene("paper", VOLTS, ALONE)
-    assert crank_speed(of) == pytest.approx(vibro_lab.find_orbit(of).state.motor_speed, rel=1e-12)
+    robot = scene("paper", VOLTS, ALONE)
+    assert crank_speed(robot) == pytest.approx(vibro_lab.find_orbit(robot).state.motor_speed, rel=1e-12)

@@ -24,10 +24,10 @@ def lone_mass(**changes) -> vibro_ros.Scene:
     return scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0} | changes)
 
 
-def matrix(of: vibro_ros.Scene) -> np.ndarray:
+def matrix(robot: vibro_ros.Scene) -> np.ndarray:
     """d/dt (u, u') = A (u, u') + forcing, in flight."""
-    mass = of["mass.upper"]
-    return np.array([[0.0, 1.0], [-of["upper.spring.stiffness"] / mass, -of["upper.spring.damping"] / mass]])
+    mass = robot["mass.upper"]
+    return np.array([[0.0, 1.0], [-robot["upper.spring.stiffness"] / mass, -robot["upper.spring.damping"] / mass]])
 
 
 def in_order(values) -> np.ndarray:
@@ -53,9 +53,9 @@ def test_a_mirrored_crank_has_the_same_orbits():
 @pytest.mark.parametrize("damping", [3.0, 20.0])
 def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
     """Of e^(lambda T); 20 N s/m is the critical damping, whose two multipliers are equal."""
-    of = lone_mass(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
-    orbit = vibro_lab.find_orbit(of)
-    expected = in_order(np.exp(np.linalg.eigvals(matrix(of)) * PERIOD))
+    robot = lone_mass(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
+    orbit = vibro_lab.find_orbit(robot)
+    expected = in_order(np.exp(np.linalg.eigvals(matrix(robot)) * PERIOD))
     # A turn's rounding of 1e-14 over a step of 1e-6; two equal eigenvalues part with the root of this error.
     assert in_order(orbit.multipliers) == pytest.approx(expected, abs=1e-4 if damping == 20.0 else 1e-8)
     assert np.abs(in_order(orbit.multipliers) - expected).max() <= orbit.multiplier_error
@@ -66,23 +66,23 @@ def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
 @pytest.mark.parametrize(("restitution", "gap", "damping"), [(0.8, 0.0, 3.0), (0.5, 0.005, 1.0)])
 def test_an_impact_oscillator_has_the_multipliers_of_its_closed_form(restitution, gap, damping):
     """One blow a turn, on a plate at rest."""
-    of = lone_mass(**{"effects.upper_contact": "restitution", "upper.plate.restitution": restitution, "upper.gap": gap,
-                      "upper.spring.damping": damping})
-    orbit, closed = vibro_lab.find_orbit(of), ImpactOscillator(of)
+    robot = lone_mass(**{"effects.upper_contact": "restitution", "upper.plate.restitution": restitution,
+                         "upper.gap": gap, "upper.spring.damping": damping})
+    orbit, closed = vibro_lab.find_orbit(robot), ImpactOscillator(robot)
     phases = closed.phases_where(lambda phase: closed.blow(phase).gap - gap)
     multipliers = in_order(orbit.multipliers)
     expected = min((in_order(closed.multipliers(phase)) for phase in phases),
                    key=lambda pair: np.abs(multipliers - pair).max())
     assert multipliers == pytest.approx(expected, abs=1e-7)
     assert np.abs(multipliers - expected).max() <= orbit.multiplier_error + 1e-9  # of the phase
-    assert np.prod(multipliers) == pytest.approx(restitution**2 * math.exp(-damping / of["mass.upper"] * PERIOD))
+    assert np.prod(multipliers) == pytest.approx(restitution**2 * math.exp(-damping / robot["mass.upper"] * PERIOD))
 
 
 def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():
     """`device` at 62 rad/s: four steps agree to 1.6e-6 that the pair is -1.120327 ± 1.154315 i; 1e-5 is 5e-6 off."""
-    of = scene("device", **{"motor.speed": 62.0})
-    orbit = vibro_lab.find_orbit(of)
-    turn_map = TurnMap(of, orbit.state.crank_angle)
+    robot = scene("device", **{"motor.speed": 62.0})
+    orbit = vibro_lab.find_orbit(robot)
+    turn_map = TurnMap(robot, orbit.state.crank_angle)
     state = turn_map.read(orbit.state)
     pairs = [in_order(np.linalg.eigvals(derivative(turn_map, state, 1, step)[0]))[:2] for step in (
         3e-6, 1e-6, 3e-7, 1e-7)]
@@ -96,12 +96,12 @@ def test_the_step_of_the_differences_suits_contacts_that_lie_close_together():
 @pytest.mark.process
 @pytest.mark.parametrize(("name", "turns"), [("damped", 1), ("device", 2)])
 def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences(name, turns):
-    of = scene(name)
-    orbit = vibro_lab.find_orbit(of, turns)
+    robot = scene(name)
+    orbit = vibro_lab.find_orbit(robot, turns)
     for ahead in (0.1, -0.1):
-        there = TurnMap(of, (orbit.state.crank_angle + ahead) % (2.0 * math.pi))
-        device = vibro_ros.Simulator(of)
-        turn_map = TurnMap(of, orbit.state.crank_angle)
+        there = TurnMap(robot, (orbit.state.crank_angle + ahead) % (2.0 * math.pi))
+        device = vibro_ros.Simulator(robot)
+        turn_map = TurnMap(robot, orbit.state.crank_angle)
         turn_map.put(device, turn_map.read(orbit.state))
         device.advance_to((ahead / SPEED) % PERIOD)
         closed = fixed_point(there, there.read(device.state), turns)
@@ -116,10 +116,10 @@ def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences
 
 
 def test_a_disturbed_motion_leaves_an_unstable_orbit_as_fast_as_its_multiplier_says():
-    of = scene("device")
-    orbit = vibro_lab.find_orbit(of, 2)
+    robot = scene("device")
+    orbit = vibro_lab.find_orbit(robot, 2)
     assert not orbit.stable
-    turn_map = TurnMap(of, orbit.state.crank_angle)
+    turn_map = TurnMap(robot, orbit.state.crank_angle)
     state = turn_map.read(orbit.state)
     free = ~turn_map.held(state)
     values, vectors = np.linalg.eig(derivative(turn_map, state, 2)[0][np.ix_(free, free)])
@@ -163,9 +163,9 @@ def test_an_orbit_can_be_taken_up():
 
 
 def test_a_guess_far_off_leads_nowhere_and_says_so():
-    of = scene("device")
-    turn_map = TurnMap(of, 1.0)
-    assert fixed_point(turn_map, turn_map.read(vibro_ros.Simulator(of).state) + 50.0, 1) is None
+    robot = scene("device")
+    turn_map = TurnMap(robot, 1.0)
+    assert fixed_point(turn_map, turn_map.read(vibro_ros.Simulator(robot).state) + 50.0, 1) is None
 
 
 def test_what_cannot_be_moved_one_way_has_a_one_sided_difference_and_what_is_held_has_none():

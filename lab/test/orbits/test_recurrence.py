@@ -41,10 +41,10 @@ def test_states_at_cuts_are_those_of_the_turn_map():
 
 @pytest.mark.parametrize("angle", [0.0, 2.0, 5.5])
 def test_a_start_at_any_crank_angle_is_first_seen_at_the_next_cut(angle):
-    of = scene("damped")
-    stroboscope = Stroboscope(TurnMap(of, 2.0))
+    robot = scene("damped")
+    stroboscope = Stroboscope(TurnMap(robot, 2.0))
     first = stroboscope.begin_as(crank_angle=angle, upper_velocity=0.3)
-    device = vibro_ros.Simulator(of)
+    device = vibro_ros.Simulator(robot)
     device.set_state(crank_angle=angle, upper_velocity=0.3)
     device.advance_to((2.0 - angle) % (2.0 * math.pi) / 100.0)
     assert first.states[0] == pytest.approx(stroboscope.turn_map.read(device.state), abs=1e-12)
@@ -54,37 +54,37 @@ def test_a_start_at_any_crank_angle_is_first_seen_at_the_next_cut(angle):
     ("damped", 100.0, 1), ("device", 100.0, 4), ("device", 240.0, 8), ("rigid", 100.0, 1)])
 def test_what_a_start_settles_to_is_the_orbit_that_newton_finds(name, speed, turns):
     """A48. Both begin with the scene's own start."""
-    of = scene(name, **{"motor.speed": speed})
-    stroboscope = Stroboscope(free_cut(of))
+    robot = scene(name, **{"motor.speed": speed})
+    stroboscope = Stroboscope(free_cut(robot))
     stroboscope.begin_as()
     motion = settle(stroboscope)
     assert motion.turns == turns == len(motion.states)
     orbit = fixed_point(stroboscope.turn_map, motion.states[-1], turns)
     assert np.abs(motion.states[-1] - orbit.state).max() <= CLOSE
-    assert motion.mean_speed == pytest.approx(vibro_lab.find_orbit(of, turns).mean_speed, abs=1e-6)
-    assert vibro_lab.settled_motion(of).is_same(motion)
+    assert motion.mean_speed == pytest.approx(vibro_lab.find_orbit(robot, turns).mean_speed, abs=1e-6)
+    assert vibro_lab.settled_motion(robot).is_same(motion)
 
 
 @pytest.mark.parametrize(("speed", "restitution", "gap"), [(170.0, 0.5, 0.01), (130.0, 0.8, 0.03)])
 def test_an_unstable_orbit_of_closed_form_parts_the_basins_of_two_stable_ones(speed, restitution, gap):
     """A49. The saddle lies on the border of the basins: a blow a thousandth faster or slower decides between the orbit
     with one blow a turn and the steady motion that misses the plate."""
-    of = scene("unilateral", **{
+    robot = scene("unilateral", **{
         "motor.speed": speed, "effects.inclined_mass": False, "upper.spring.damping": 1.0, "upper.gap": gap,
         "effects.upper_contact": "restitution", "upper.plate.restitution": restitution})
-    closed = ImpactOscillator(of)
+    closed = ImpactOscillator(robot)
     phases = closed.phases_where(lambda phase: closed.blow(phase).gap - gap)
     stable, saddle = sorted(phases, key=lambda phase: np.abs(closed.multipliers(phase)).max())
     assert np.abs(closed.multipliers(stable)).max() < 1.0 < closed.multipliers(saddle).real.max()
 
     def after_blow(phase: float, part: float) -> SettledMotion:
-        return settled_motion(of, crank_angle=phase, upper_position=closed.rod + gap,
+        return settled_motion(robot, crank_angle=phase, upper_position=closed.rod + gap,
                               upper_velocity=-restitution * closed.blow(phase).speed * part)
 
     struck, missed = sorted((after_blow(saddle, part) for part in (0.999, 1.001)),
                             key=lambda motion: not motion.is_same(after_blow(stable, 1.0)))
     assert struck.is_same(after_blow(stable, 1.0)) and not missed.is_same(struck)
-    turn_map = free_cut(of)
+    turn_map = free_cut(robot)
     steady = np.array(closed.steady(turn_map.phase)[:2]) / turn_map.units
     assert missed.turns == 1 and missed.states[0] == pytest.approx(steady, abs=1e-5)
 

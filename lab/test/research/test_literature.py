@@ -180,8 +180,8 @@ def test_a_short_study_finds_what_the_document_says(name, tmp_path):
     [quick] = literature.read_findings(tmp_path / literature.FOLDER / literature.DATA)
     stored = next(finding for finding in FINDINGS if finding.name == quick.name)
     assert quick.checks and all(check.passed for check in quick.checks)
-    for claim, told in zip(quick.claims, stored.claims, strict=True):
-        assert claim.statement == told.statement and claim.verdict in (told.verdict, NOISE)
+    for claim, stored_claim in zip(quick.claims, stored.claims, strict=True):
+        assert claim.statement == stored_claim.statement and claim.verdict in (stored_claim.verdict, NOISE)
     assert quick.mapping == stored.mapping and quick.sources == stored.sources
 
 

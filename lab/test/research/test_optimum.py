@@ -26,7 +26,7 @@ def test_the_section_is_made_of_the_numbers():
 
 
 def test_the_front_reaches_the_fastest_optimum_and_held_optima_move_in_their_own_motions():
-    """The front ended before the page's own `fastest`; and a mean over starts was told as the speed of a held robot."""
+    """The front ends with `fastest`, and the speed of a held robot is that of one motion, not a mean over starts."""
     end, fastest = optimum.front_of_all(RESULTS)[-1], RESULTS["fastest"]["verified"][0]
     assert end == {"speed": abs(fastest["speed"]["mean"]), "cost": fastest["cost"]}
     scene = vibro_ros.load_scene(FOLDER / "thrifty.yaml").with_parameters({"effects.normal_force": "unilateral"})

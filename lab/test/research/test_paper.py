@@ -244,9 +244,9 @@ def test_mean_speeds_of_the_first_seconds_are_found_again(reading, spans, point)
     displaced = displacements(Batch(reading, point, full_effort().exact_starts))
     for span in spans:
         mean, spread = mean_of(speeds(displaced, span))
-        told = of(reading, span).means[point]
-        assert told.mean == pytest.approx(mean, rel=1e-5, abs=1e-8)
-        assert told.spread == pytest.approx(spread, rel=1e-4, abs=1e-8)
+        stored = of(reading, span).means[point]
+        assert stored.mean == pytest.approx(mean, rel=1e-5, abs=1e-8)
+        assert stored.spread == pytest.approx(spread, rel=1e-4, abs=1e-8)
 
 
 def test_the_answer_is_what_the_verdicts_say():
@@ -271,9 +271,7 @@ def test_the_answer_is_what_the_verdicts_say():
 
 
 def test_a_single_run_that_gives_every_claim_is_one_of_few():
-    """The first start of `hop` at any phase gave all claims, and was told as if every run did. Start 0 gives them
-    again, and few of the stored runs do.
-    """
+    """The first start of `hop` at any phase gives all claims, but few of the stored runs do."""
     hop = MISPRINT._replace(equations="corrected", normal_force="hop", start=ANY_PHASE)
     verdict = next(verdict for verdict in JUDGEMENTS if (verdict.reading, verdict.span) == (hop, SPANS[0]))
     again = {point: displacements(Batch(verdict.reading, point, 3, SPANS[0].end)) for point in points()}

@@ -96,8 +96,8 @@ def test_workers_that_compute_otherwise_are_refused(started, address, tmp_path, 
     add_worker(started, address)
     monkeypatch.setattr(execution, "computes_with", lambda: {"processor": "another"})
     assert main([*WORDS, "--duration", "1", "--scheduler", address, "--output", str(tmp_path)]) == 1
-    said = capsys.readouterr().err
-    assert "a worker of the cluster has another processor" in said and "bits may differ" in said
+    output = capsys.readouterr().err
+    assert "a worker of the cluster has another processor" in output and "bits may differ" in output
 
 
 def test_a_scheduler_that_goes_is_told(started, scheduler, address, tmp_path, monkeypatch, capfd):

@@ -25,9 +25,9 @@ def fold(tmp_path_factory):
     """Return the folder of a diagram over the fold, and the study's output."""
     folder = tmp_path_factory.mktemp("fold")
     words = [*FOLD, "--output", str(folder)]
-    said = subprocess.run([sys.executable, "-m", "vibro_lab.study.command", "diagram", *words], capture_output=True,
+    ended = subprocess.run([sys.executable, "-m", "vibro_lab.study.command", "diagram", *words], capture_output=True,
                           text=True, check=True, timeout=120.0)
-    return folder, said.stdout
+    return folder, ended.stdout
 
 
 def column(folder, name):
@@ -40,12 +40,12 @@ def design_in(folder):
 
 def test_hysteresis_is_between_the_fold_and_the_end_of_the_branch(fold):
     """A47. On the way down the slow motion is lost where its branch ends."""
-    folder, said = fold
-    assert "the largest mean speed is at the end of the range of motor.speed: it may still rise beyond" in said
-    two = column(folder, "two_motions")
-    assert column(folder, "motor.speed")[two].tolist() == [105.2, 106.0, 107.0, 107.9, 107.9, 107.0, 106.0, 105.2]
-    line, = [line for line in said.splitlines() if line.startswith("hysteresis")]
-    assert line == "hysteresis: 105.2 to 107.9 rad/s (4 values)"
+    folder, output = fold
+    assert "the largest mean speed is at the end of the range of motor.speed: it may still rise beyond" in output
+    speeds = column(folder, "motor.speed")[column(folder, "two_motions")]
+    assert speeds.tolist() == [105.2, 106.0, 107.0, 107.9, 107.9, 107.0, 106.0, 105.2]
+    hysteresis, = [line for line in output.splitlines() if line.startswith("hysteresis")]
+    assert hysteresis == "hysteresis: 105.2 to 107.9 rad/s (4 values)"
 
 
 def test_each_way_finds_its_orbit_its_speed_and_its_multipliers(fold):

@@ -217,13 +217,13 @@ OPTIONS = "--quick --budget 24 --starts 2 --workers 1 --seed 1 --vary crank.radi
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Return the output of a search that is too short to find anything."""
-    output, said = tmp_path_factory.mktemp("optimise"), io.StringIO()
-    with contextlib.redirect_stdout(said):
+    output, printed = tmp_path_factory.mktemp("optimise"), io.StringIO()
+    with contextlib.redirect_stdout(printed):
         assert main([*OPTIONS.split(), "--output", str(output)]) == 0
-    goes, named, bounds = said.getvalue().splitlines()[-3:]
+    motion, parameters, bounds = printed.getvalue().splitlines()[-3:]
     robot = load_scene(output / "optimum.yaml")
-    assert goes.startswith("The optimum goes at ")
-    assert f"crank.radius = {robot['crank.radius']:.3g} m" in named and " kg, " in named and named.endswith(".")
+    assert motion.startswith("The optimum goes at ")
+    assert f"crank.radius = {robot['crank.radius']:.3g} m" in parameters and " kg, " in parameters
     assert "the range of" in bounds
     return output
 
@@ -240,7 +240,7 @@ def test_everything_is_written_and_of_one_robot(folder):
     assert len(table) == 2 * numbers["robots"] and table["crank.radius"].between(0.005, 0.02).all()
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     ("--scene paper", "--scene paper: has effects.reaction false"),
     ("--power supply", "--power supply: device has no dc motor"),
     ("--scene paper --objective front", "the cost of transport has no bound"),
@@ -260,7 +260,7 @@ def test_everything_is_written_and_of_one_robot(folder):
     ("--vary crank.radius=0.04:0.05", "leaves no value where rods and crank are shortest"),
     (" ".join(f"--fix {variable.name}" for variable in VARIABLES), "nothing is left to vary"),
 ])
-def test_bad_words_are_one_line(capsys, words, said):
+def test_bad_words_are_one_line(capsys, words, message):
     assert main(words.split()) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1 and error.startswith("study: ")
+    assert message in error and error.count("\n") == 1 and error.startswith("study: ")

@@ -75,8 +75,8 @@ def test_rows_are_the_measures_of_their_scenes(tmp_path, capsys):
             {"motor.speed": 90.0, **{name: row[name] for name in names}})
         values = measure(scene, list(MEASURES), 1.0, 1.0, row["start"])
         np.testing.assert_array_equal(row[list(MEASURES)].to_numpy(float), list(values.values()))
-    said = capsys.readouterr().out
-    assert "8 points from 2 drawn starts each" in said and "mean_speed: from" in said
+    output = capsys.readouterr().out
+    assert "8 points from 2 drawn starts each" in output and "mean_speed: from" in output
 
 
 def test_pandas_and_polars_read_the_same_and_the_files_tell_units_scene_and_design(tmp_path):
@@ -88,10 +88,10 @@ def test_pandas_and_polars_read_the_same_and_the_files_tell_units_scene_and_desi
     schema = pq.read_schema(tmp_path / "blocks" / "block_000000.parquet")
     assert schema.field("mean_speed").metadata[b"unit"] == b"m/s"
     assert schema.field("guide.angle").metadata[b"unit"] == b"rad"
-    told = json.loads((tmp_path / "blocks.json").read_text())
-    assert told["design"]["set"]["upper.plate.damping"] == 100.0 and told["design"]["settling"] == 1.0
-    assert told["design"]["vary"] == {"guide.angle": [0.7, 1.1]} and told["version"]
-    everything = set(told["design"]["set"]) | set(told["design"]["vary"])
+    document = json.loads((tmp_path / "blocks.json").read_text())
+    assert document["design"]["set"]["upper.plate.damping"] == 100.0 and document["design"]["settling"] == 1.0
+    assert document["design"]["vary"] == {"guide.angle": [0.7, 1.1]} and document["version"]
+    everything = set(document["design"]["set"]) | set(document["design"]["vary"])
     assert everything == set(vibro_ros.load_scene("damped").parameters)
 
 
@@ -103,13 +103,13 @@ def test_an_exponent_has_its_interval_and_its_sign_is_known_or_said_not_to_be(tm
     assert main(["--scene", "unilateral", "--vary", "guide.angle=0.87", "--starts", starts, "--settling", "4",
                  "--duration", str(int(turns) * 0.063), "--measure", "lyapunov_exponent", "--workers", "1",
                  "--output", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     table = pandas.read_csv(tmp_path / "summary.csv")
     rows = pandas.read_parquet(tmp_path / "blocks")
-    mean, half = table["lyapunov_exponent [1/s]"][0], table["lyapunov_exponent 95 % ± [1/s]"][0]
-    assert (mean > half) == known and ("sign not known of 1 of 1 motions" in said) != known
-    assert f"{mean:.4g} ± {half:.2g} 1/s" in said and "lyapunov_spread" not in said
-    assert (starts == "4" and len(rows) == 4) or rows["lyapunov_spread"][0] == half
+    mean, spread = table["lyapunov_exponent [1/s]"][0], table["lyapunov_exponent 95 % ± [1/s]"][0]
+    assert (mean > spread) == known and ("sign not known of 1 of 1 motions" in output) != known
+    assert f"{mean:.4g} ± {spread:.2g} 1/s" in output and "lyapunov_spread" not in output
+    assert (starts == "4" and len(rows) == 4) or rows["lyapunov_spread"][0] == spread
 
 
 def test_two_motions_of_a_point_are_two_rows_without_a_mean(tmp_path, capsys):
@@ -120,8 +120,8 @@ def test_two_motions_of_a_point_are_two_rows_without_a_mean(tmp_path, capsys):
     assert (table["mean_speed [m/s]"] * 1e3).round(1).tolist() == [-79.8, -53.6]
     assert table["turns"].tolist() == [3, 3] and table["starts"].sum() == 8 and table["attractor"].tolist() == [1, 2]
     assert (table["share low"] < table["share"]).all() and (table["share"] < table["share high"]).all()
-    said = capsys.readouterr().out
-    assert "1 of 2 points have several motions, a row each" in said and "motion 1 of 2, 6 of 8 starts" in said
+    output = capsys.readouterr().out
+    assert "1 of 2 points have several motions, a row each" in output and "motion 1 of 2, 6 of 8 starts" in output
 
 
 def test_a_mean_that_drifts_says_so(tmp_path, capsys):
@@ -134,11 +134,11 @@ def test_a_mean_that_drifts_says_so(tmp_path, capsys):
 
 def test_starts_that_repeat_one_motion_have_no_interval(tmp_path, capsys):
     """`damped` has one motion, to which every start settles; `unilateral` is chaotic."""
-    for scene, says in (("damped", True), ("unilateral", False)):
+    for scene, is_periodic in (("damped", True), ("unilateral", False)):
         assert main(["--scene", scene, "--vary", "guide.angle=0.7,1.1", "--starts", "3", "--settling", "8",
                      "--duration", "2", "--workers", "1", "--output", str(tmp_path / scene)]) == 0
-        said = capsys.readouterr().out
-        assert (" from every start (" in said) == says and ("±" in said) != says
+        output = capsys.readouterr().out
+        assert (" from every start (" in output) == is_periodic and ("±" in output) != is_periodic
 
 
 SEVEN = ",".join(f"{0.08 + 0.01 * k:.2f}" for k in range(7))
@@ -171,16 +171,16 @@ def test_a_picture_and_the_words_say_what_is_there(tmp_path, capsys, monkeypatch
 
 def test_the_largest_speed_of_a_robot_that_goes_backwards_is_the_fastest(tmp_path, capsys):
     """`damped` goes backwards, faster at 100 rad/s than at 60; of two values each is an end, which says nothing."""
-    said = {}
+    output = {}
     for speeds in ("60,100", "60,100,140"):
         assert main(["--scene", "damped", "--vary", f"motor.speed={speeds}", "--settling", "2", "--duration", "2",
                      "--workers", "1", "--measure", "mean_speed", "--output", str(tmp_path / speeds)]) == 0
-        said[speeds] = capsys.readouterr().out
-    slow, fast = (float(text) for text in re.findall(r"(-0\.\S+).*? \(motor.speed = ", said["60,100"]))
+        output[speeds] = capsys.readouterr().out
+    slow, fast = (float(text) for text in re.findall(r"(-0\.\S+).*? \(motor.speed = ", output["60,100"]))
     assert fast < slow < 0.0
-    assert "at the end of the range" not in said["60,100"]
+    assert "at the end of the range" not in output["60,100"]
     assert "the least magnitude of mean_speed is at the end of the range of motor.speed: it may still fall" in (
-        said["60,100,140"])
+        output["60,100,140"])
 
 
 def test_a_grid_with_an_illegal_point_is_refused_before_anything_runs(refusal):
@@ -253,11 +253,11 @@ def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path):
         next(rows)
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     (["--workers", "0"], "--workers"), (["--vari", "x"], "--help"), (["--measure", "speed"], "no such measure"),
     (["--scene", "machine", "--set", "motor.control=voltage"], "give --set motor.voltage=15"),
     (["--scheduler", "nowhere"], "--workers"), (["--output", "/dev/null/x"], "give an --output that can be written")])
-def test_bad_words_are_refused_in_one_line(tmp_path, capsys, words, said):
+def test_bad_words_are_refused_in_one_line(tmp_path, capsys, words, message):
     assert main([*SHORT, "--output", str(tmp_path), *words]) == 2
     err = capsys.readouterr().err
-    assert said in err and err.count("\n") == 1
+    assert message in err and err.count("\n") == 1

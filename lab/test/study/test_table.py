@@ -155,7 +155,8 @@ def test_a_full_disk_keeps_what_is_done_and_says_so(study, tmp_path, monkeypatch
 STUDIES = {
     "sweep": ("blocks/block_000000.parquet", sweep, "--scene damped --vary guide.angle=0.7,1.1 --starts 2 --settling 1 "
               "--duration 0.5 --workers 1"),
-    "basins": ("blocks/block_000000.parquet", basins, "--scene damped --starts 4 --workers 1"),
+    "basins": ("blocks/block_000000.parquet", basins, "--scene damped --over upper_velocity=0:1:2 "
+               "--over crank_angle=0:1:2 --workers 1"),
     "diagram": ("visits/block_000000.parquet", diagram, "--scene damped --vary motor.speed=99,100 --exponents 0 "
                 "--workers 1"),
     "map": ("lines/block_000001.parquet", command_map, "--scene damped --motor-speed 99:100:2 --gap=-1e-6:0:2 "

@@ -19,9 +19,9 @@ from vibro_lab.study.variation import (
 )
 
 
-def design(varied_ones, sampled=None, starts=2):
+def design(varied, sampling=None, starts=2):
     """Return a design over the paper's scene."""
-    return SweepDesign(vibro_ros.load_scene("paper"), tuple(varied_ones), sampled, ("mean_speed",), starts, 1.0, 1.0)
+    return SweepDesign(vibro_ros.load_scene("paper"), tuple(varied), sampling, ("mean_speed",), starts, 1.0, 1.0)
 
 
 def test_a_grid_has_both_ends_and_equal_steps_or_ratios():
@@ -120,18 +120,18 @@ def test_a_bad_sampling_is_refused(text, words):
         sampling_in_words(text)
 
 
-@pytest.mark.parametrize(("ones", "sampled", "starts", "words"), [
+@pytest.mark.parametrize(("varied", "sampling", "starts", "words"), [
     ([Range("guide.angle", 0.1, 1.0, False)], None, 2, "needs --sample"),
     ([Axis("guide.angle", (0.1,))], sampling_in_words("sobol:8:0"), 2, "no range to sample"),
     ([Axis("upper.gap+inclined.gap", (0.0,)), Axis("upper.gap", (0.0,))], None, 2, "upper.gap: is varied twice"),
     ([Axis(name, tuple(np.linspace(0.01, 0.02, 1000).tolist())) for name in ("mass.upper", "mass.inclined")], None,
      101, "more than 100000000 runs")])
-def test_a_design_that_contradicts_itself_is_refused(ones, sampled, starts, words):
+def test_a_design_that_contradicts_itself_is_refused(varied, sampling, starts, words):
     with pytest.raises(ValueError, match=words):
-        design(ones, sampled, starts)
+        design(varied, sampling, starts)
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     ("--set guide.angle", "NAME=VALUE"), ("--set guide.angle=1 --set guide.angle=2", "given twice"),
     ("--vary guide.angle=1 --vary guide.angle=2", "varied twice"), ("--vary guide.angle=1 --starts -1", "--starts"),
     ("--scene papper --vary guide.angle=1", "papper"),
@@ -140,6 +140,6 @@ def test_a_design_that_contradicts_itself_is_refused(ones, sampled, starts, word
     ("--scene paper", "nothing varies"), ("--vary guide.angle=1", "motor.speed=100"),
     ("--scene paper --vary guide.angle=1 --settling 0.5", "settling"),
     ("--scene paper --vary guide.angle=1 --duration inf", "duration")])
-def test_a_slip_in_the_words_is_named(words, said):
-    with pytest.raises(ValueError, match=said):
+def test_a_slip_in_the_words_is_named(words, message):
+    with pytest.raises(ValueError, match=message):
         design_of(main.parser().parse_args(words.split()))

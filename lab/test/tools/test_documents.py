@@ -105,11 +105,11 @@ def test_errors_are_the_ones_shown(line, tmp_path, domain_id, monkeypatch, capsy
 
 def test_choices_of_every_effect_are_in_the_model():
     rows = re.findall(r"^\| (`effects[^|]*) \| ([^|]*) \|", DOCUMENTS["robot.md"], re.MULTILINE)
-    told = {name: set(re.findall(r"`([\w.]+)`", choices)) for names, choices in rows
+    documented = {name: set(re.findall(r"`([\w.]+)`", choices)) for names, choices in rows
             for name in re.findall(r"`([\w.]+)`", names)}
     real = {parameter.name: set(parameter.choices) or {"true", "false"} for parameter in SCENE_PARAMETERS
             if parameter.name.startswith("effects.")}
-    assert told == real
+    assert documented == real
 
 
 def test_joints_and_fields_of_a_run_are_complete():
@@ -122,8 +122,8 @@ def test_kinds_of_events_are_those_that_a_device_can_have():
     kinds = {str(kind) for kind in EventLog(("upper", "inclined"))._kinds}
     assert sorted(guide.first_column("kind", "when")) == sorted(kinds - {""})
     passage = guide.PAGES["python.md"].partition("`Run.statistics` and `Simulator.statistics`")[2].partition("\n\n")[0]
-    told = {name for name in guide.names(passage) if "." not in name or name.startswith("solver.")}
-    assert told - {"exact", "solver.accounts"} == {*OTHER_STATISTICS, "energy_accounts", "wall_time"}
+    documented = {name for name in guide.names(passage) if "." not in name or name.startswith("solver.")}
+    assert documented - {"exact", "solver.accounts"} == {*OTHER_STATISTICS, "energy_accounts", "wall_time"}
 
 
 def test_accounts_are_those_of_a_run():
@@ -133,13 +133,13 @@ def test_accounts_are_those_of_a_run():
 
 
 def test_the_public_names_are_all_told():
-    told = {name.partition("(")[0] for row in guide.table("name", "does") for name in guide.names(row[0])}
+    documented = {name.partition("(")[0] for row in guide.table("name", "does") for name in guide.names(row[0])}
     further = guide.first_column("names of `vibro_ros`", "for")
-    explained = {name for name in told if "." not in name and "[" not in name}
+    explained = {name for name in documented if "." not in name and "[" not in name}
     assert sorted(explained | {*further}) == sorted(vibro_ros.__all__)
     of_lab = [name.partition("(")[0] for name in guide.first_column("name of `vibro_lab`", "does")]
     assert sorted(of_lab) == sorted(vibro_lab.__all__)
-    for name in told - set(vibro_ros.__all__):
+    for name in documented - set(vibro_ros.__all__):
         owner, attribute = load_scene("paper"), name.partition(".")[2].partition("[")[0]
         assert "[" in name or hasattr(owner, attribute), name
     [row] = [row for row in guide.table("name", "does") if row[0] == "`Simulator(scene)`"]
@@ -173,11 +173,11 @@ def test_executables_and_their_exit_codes_are_those_of_their_help(capsys):
     rows = {name: cells for *cells, name in ((row[2], guide.names(row[0])[0]) for row in guide.table(
         "executable", "does", "exit codes"))}
     assert {name.split()[0] for name in rows} == INSTALLED
-    for name, [told] in rows.items():
+    for name, [documented] in rows.items():
         with pytest.raises(SystemExit) as ended:
             import_module(MODULES[name.split()[0]]).main(["--help"])
-        said = " ".join(capsys.readouterr().out.partition("Exit code")[2].split())
-        assert not ended.value.code and codes(said) == codes(told), (name, said, told)
+        help_text = " ".join(capsys.readouterr().out.partition("Exit code")[2].split())
+        assert not ended.value.code and codes(help_text) == codes(documented), (name, help_text, documented)
 
 
 def test_parameter_table_is_up_to_date():
@@ -224,7 +224,7 @@ HELPER = "def factor(x):\n    return 2.0 * x\n"
     ("digests.json", '{"scene/device/exact": "7"}', True)], ids=[
         "words", "another page's function", "a statement", "a statement of a helper", "other bits", "bits"])
 def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, changes, tmp_path, monkeypatch):
-    """A comment or a function for another page had made twelve pages older than their code."""
+    """A comment, or a function for another page, makes no page stale."""
     (tmp_path / "made.py").write_text("from tools.helper import factor\n\n\ndef table(x):\n    return factor(x)\n")
     (tmp_path / "helper.py").write_text(HELPER)
     (tmp_path / "digests.json").write_text('{"scene/device/exact": "1"}')
@@ -239,11 +239,11 @@ def test_a_page_is_stale_if_what_decides_its_numbers_changes_alone(file, text, c
 
 @pytest.mark.parametrize(("names", "code"), [([], 0), (["map", "paper"], 1)])
 def test_a_stale_page_fails_the_check(names, code, monkeypatch, capsys):
-    """`make lint` named twelve such pages and went on."""
+    """By its exit code `make lint` fails."""
     monkeypatch.setattr(documents, "stale", lambda: names)
     assert documents.main(["--check"]) == code
-    said = capsys.readouterr().out
-    assert [name for name in documents.DOCUMENTS if f"ONLY={name}`" in said] == names
+    output = capsys.readouterr().out
+    assert [name for name in documents.DOCUMENTS if f"ONLY={name}`" in output] == names
 
 
 def test_a_fingerprint_reaches_modules_that_a_generator_takes_as_values():

@@ -18,9 +18,9 @@ USED = {"Scene": ["with_parameters", "describe"], "SensedSimulator": ["take_meas
 
 def public() -> Iterator[tuple[str, object]]:
     """Yield every public name with its object: functions, classes and their methods."""
-    told = {name.partition("(")[0] for row in guide.table("name", "does") for name in guide.names(row[0])}
-    for name in (*sorted(told.intersection(vibro_ros.__all__)), *vibro_lab.__all__):
-        value = getattr(vibro_ros if name in told else vibro_lab, name)
+    documented = {name.partition("(")[0] for row in guide.table("name", "does") for name in guide.names(row[0])}
+    for name in (*sorted(documented.intersection(vibro_ros.__all__)), *vibro_lab.__all__):
+        value = getattr(vibro_ros if name in documented else vibro_lab, name)
         yield name, value
         yield from ((f"{name}.{key}", member) for key, member in vars(value).items()
                     if not key.startswith("_") and key in USED.get(name, [key])
@@ -48,6 +48,6 @@ def test_every_name_has_an_example_that_is_true(name, record_run, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     assert examples(name)
     test = doctest.DocTest(examples(name), {"vibro_lab": vibro_lab, "vibro_ros": vibro_ros}, name, None, None, None)
-    said: list[str] = []
-    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=said.append)
-    assert not said, "".join(said)
+    output: list[str] = []
+    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=output.append)
+    assert not output, "".join(output)

@@ -26,12 +26,12 @@ def test_the_page_says_of_its_table_what_the_table_says():
     rows = re.findall(r"^\| ([\d.e-]+)\S*.* \| (-[\d.]+) mm/s, .*\((\d+) of 16\) \| .* \| ([\d.]+) A \|",
                        page, re.MULTILINE)
     ideal = float(re.search(r"motor `ramp` \| (-[\d.]+) mm/s", page)[1])
-    near = {flywheel: [abs(float(speed) / ideal - 1.0) < 0.1 for of, speed, *_ in rows if float(of) == flywheel]
-            for flywheel in INERTIAS}
-    assert [flywheel for flywheel, motions in near.items() if all(motions)] == [5e-3]
-    assert [flywheel for flywheel, motions in near.items() if motions[0]] == [1e-3, 5e-3]
+    near_ideal = {flywheel: [abs(float(speed) / ideal - 1.0) < 0.1
+                             for inertia, speed, *_ in rows if float(inertia) == flywheel] for flywheel in INERTIAS}
+    assert [flywheel for flywheel, motions in near_ideal.items() if all(motions)] == [5e-3]
+    assert [flywheel for flywheel, motions in near_ideal.items() if motions[0]] == [1e-3, 5e-3]
     machine = load_scene("machine")
-    currents = [float(current) for of, _, _, current in rows if float(of) == machine["motor.crank_inertia"]]
+    currents = [float(current) for inertia, _, _, current in rows if float(inertia) == machine["motor.crank_inertia"]]
     assert max(currents) < machine["motor.continuous_current"]
-    assert all(sum(int(starts) for of, _, starts, _ in rows if float(of) == flywheel) == STARTS
+    assert all(sum(int(starts) for inertia, _, starts, _ in rows if float(inertia) == flywheel) == STARTS
                for flywheel in INERTIAS)

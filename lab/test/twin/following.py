@@ -18,8 +18,7 @@ from functools import cache, partial
 import numpy as np
 
 from vibro_lab.twin.estimator import Departure, Estimate, Estimator
-from vibro_lab.twin.particles import INDEX, MeasuredNumber
-from vibro_lab.twin.settings import FilterSettings
+from vibro_lab.twin.particles import INDEX, FilterSettings, MeasuredNumber
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.scene import Scene
@@ -169,15 +168,15 @@ def in_a_child(act: Callable[[], str]) -> str:
 
 def print_faults(robot: str, seeds: int, names: list[str]) -> None:
     """Print of each fault, begun at other instants in other robots, what the twin has said within a second."""
-    said = {name: Counter[str]() for name in names}
+    words_by_fault = {name: Counter[str]() for name in names}
     for seed in range(seeds):
         estimator, device = begun(robot, seed)
         for _ in follow(estimator, device, 2.5 + 0.137 * seed):
             pass
         for name in names:
-            said[name][in_a_child(partial(words_said, estimator, device, name))] += 1
+            words_by_fault[name][in_a_child(partial(words_said, estimator, device, name))] += 1
     for name in names:
-        words = ", ".join(f"{words}: {count}" for words, count in said[name].most_common())
+        words = ", ".join(f"{words}: {count}" for words, count in words_by_fault[name].most_common())
         print(f"| {robot} | {name} | {words} |", flush=True)
 
 
@@ -191,11 +190,11 @@ def verdicts(settings: FilterSettings) -> dict[str, str]:
     estimator, device = begun("damped at 100 rad/s", 1, particles=12, settings=settings)
     rows = list(follow(estimator, device, 2.5))
     errors = [abs(estimate.mean[INDEX["body_velocity"]] - true.body_velocity) for estimate, true, _ in rows]
-    said = {"false alarms": ", ".join({departure.words for _, _, departure in rows if departure}) or "none",
+    verdict = {"false alarms": ", ".join({departure.words for _, _, departure in rows if departure}) or "none",
             "speed": "known" if np.quantile(errors, 0.9) < 5e-3 else "lost"}
     for name in ("motor_stall", "friction_patch", "sensor_freeze of encoder"):
-        said[name] = in_a_child(partial(words_said, estimator, device, name)).partition(" of about")[0]
-    return said
+        verdict[name] = in_a_child(partial(words_said, estimator, device, name)).partition(" of about")[0]
+    return verdict
 
 
 def changed_verdicts(name: str) -> list[str]:
@@ -203,8 +202,8 @@ def changed_verdicts(name: str) -> list[str]:
     usual, changes, value = verdicts(FilterSettings()), [], getattr(FilterSettings(), name)
     for factor in (0.5, 2.0):
         changed = factor * value if isinstance(value, float) else max(1, round(factor * value))
-        said = verdicts(replace(FilterSettings(), **{name: changed}))
-        changes += [f"{changed:g}: {of} {said[of]}" for of in usual if said[of] != usual[of]]
+        others = verdicts(replace(FilterSettings(), **{name: changed}))
+        changes += [f"{changed:g}: {case} {others[case]}" for case in usual if others[case] != usual[case]]
     return changes
 
 

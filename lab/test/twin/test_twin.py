@@ -18,7 +18,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64
 
 from vibro_lab.twin import twin
-from vibro_lab.twin.messages import Hearing
+from vibro_lab.twin.messages import RobotSubscriptions
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.ros.node.node import GuardedNode, installed_type
 from vibro_ros.simulation.simulator import Simulator
@@ -194,15 +194,15 @@ def test_hostile_messages_are_refused_and_change_nothing(start, bench):
 
 
 @pytest.fixture
-def hearing(domain_id) -> Iterator[Hearing]:
+def subscriptions(domain_id) -> Iterator[RobotSubscriptions]:
     rclpy.init()
-    node = GuardedNode("hearing")
-    yield Hearing(node, load_scene("damped").with_parameters({"effects.normal_force": "hop"}), 1e-4)
+    node = GuardedNode("subscriptions")
+    yield RobotSubscriptions(node, load_scene("damped").with_parameters({"effects.normal_force": "hop"}), 1e-4)
     node.destroy_node()
     rclpy.try_shutdown()
 
 
-def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(hearing, bench):
+def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(subscriptions, bench):
     """An infinite variance, NaN of a joint, an encoder within one turn; and messages that wait for a busy twin.
 
     No time passes: each poll is told its instant, and that of the poll before."""
@@ -213,18 +213,21 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(hearing, benc
                      "the twin's ears")
 
     def told(now: float, waited: float, *messages) -> list:
-        """Publish messages with the stamp 0.1 s, and return what is heard of them at the instant `now` [s], so long [s]
+        """Publish messages with the stamp 0.1 s; return the numbers received at the instant `now` [s], so long [s]
         after the poll before."""
-        numbers, expected = [], sum(hearing.heard.values()) + hearing._node.refusals.count + len(messages)
+        def count() -> int:
+            return sum(subscriptions.received.values()) + subscriptions._node.refusals.count
+
+        numbers, expected = [], count() + len(messages)
         for topic, message in messages:
             message.header.stamp = Time(nanoseconds=start + SECOND // 10).to_msg()
             publishers[topic].publish(message)
 
         def heard() -> bool:
-            hearing._polled = start + round((now - waited) * SECOND)
+            subscriptions._polled = start + round((now - waited) * SECOND)
             numbers.extend((measured.field, measured.value)
-                           for _, measured in hearing.measurements(start + round(now * SECOND)))
-            return sum(hearing.heard.values()) + hearing._node.refusals.count == expected
+                           for _, measured in subscriptions.measurements(start + round(now * SECOND)))
+            return count() == expected
 
         bench.spin_until(heard, "the messages")
         return numbers
@@ -239,8 +242,8 @@ def test_what_is_not_measured_is_dropped_and_lateness_is_no_offset(hearing, benc
     assert angles == pytest.approx([3.0, math.tau - 3.0, math.tau - 1.0, 3.1])
     odom.twist.covariance[0] = 1e-6
     assert len(told(20.0, 19.8, ("odom", odom))) == 2  # this node had no time for it
-    assert hearing._node.refusals.count == 0 and hearing.waited == pytest.approx(19.8)
-    assert told(20.0, 0.02, ("odom", odom)) == [] and hearing._node.refusals.count == 1  # it came with such a stamp
+    assert subscriptions._node.refusals.count == 0 and subscriptions.waited == pytest.approx(19.8)
+    assert told(20.0, 0.02, ("odom", odom)) == [] and subscriptions._node.refusals.count == 1  # such a stamp
 
 
 @pytest.mark.parametrize("given, why", [

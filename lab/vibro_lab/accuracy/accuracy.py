@@ -45,7 +45,7 @@ def measure(scene_name: str, programs: Mapping[str, Program], effort: Effort, wr
 
 def findings(rows: Sequence[Row]) -> list[str]:
     """Return the findings from the rows of a scene, in sentences."""
-    return [*(f"{asked[0].upper()}{asked[1:]}: {use}." for asked, use in advice(rows).items()),
+    return [*(f"{need[0].upper()}{need[1:]}: {use}." for need, use in advice(rows).items()),
             *(finding(rows, method) for method in AVERAGED)]
 
 

@@ -81,9 +81,9 @@ class Errors(NamedTuple):
 
 def errors(answer: Answer, reference: Answer, duration: float) -> Errors:
     """Compute the errors of `answer` against `reference`, both at the same instants, the last at `duration` [s]."""
-    off = np.abs(answer.samples - reference.samples)
+    differences = np.abs(answer.samples - reference.samples)
     ends = answer.samples[[0, -1], _BODY] - reference.samples[[0, -1], _BODY]
-    return Errors(tuple(map(float, off.max(axis=0))), _event_error(answer, reference),
+    return Errors(tuple(map(float, differences.max(axis=0))), _event_error(answer, reference),
                   float(abs(ends[1] - ends[0]) / duration))
 
 
@@ -169,11 +169,11 @@ class Row:
         """Largest error [m] of body position, height and mass positions; NaN if one is NaN."""
         return float(np.maximum(self.path_error, self.mass_error))
 
-    def with_errors(self, off: Errors) -> "Row":
+    def with_errors(self, errors: Errors) -> "Row":
         """Return this row with the given errors."""
-        return replace(self, body_error=off.columns[_BODY], height_error=off.columns[_HEIGHT],
-                       mass_error=float(np.max([off.columns[k] for k in _MASSES])), event_error=off.events,
-                       speed_error=off.speed)
+        return replace(self, body_error=errors.columns[_BODY], height_error=errors.columns[_HEIGHT],
+                       mass_error=float(np.max([errors.columns[k] for k in _MASSES])), event_error=errors.events,
+                       speed_error=errors.speed)
 
 
 @contextmanager
@@ -312,7 +312,7 @@ def measure_setting(problem: Problem, program: Program, setting: Setting, effort
     return problem.judge(replace(row, cost=cost, set_up=set_up, repeats=rounds), answer, instants)
 
 
-def cost_of(problem: Problem, whole: Callable[[], object], short: Callable[[], object],
+def cost_of(problem: Problem, whole_run: Callable[[], object], short_run: Callable[[], object],
             effort: Effort) -> tuple[float, float, int]:
     """Return the cost of a program [s for each simulated second], its set-up [s], and the number of rounds.
 
@@ -323,7 +323,7 @@ def cost_of(problem: Problem, whole: Callable[[], object], short: Callable[[], o
     end, early = float(problem.times[-1]), float(problem.times[1])
     costs, set_ups, spent = list[float](), list[float](), 0.0
     while len(costs) < effort.repeats and spent <= effort.patience / 4.0:  # a long run scatters less
-        long_time, short_time = median_time(whole), median_time(short)
+        long_time, short_time = median_time(whole_run), median_time(short_run)
         costs.append((long_time - short_time) / (end - early) if end > early else long_time / end)
         set_ups.append(max(0.0, short_time - costs[-1] * early))
         spent += long_time

@@ -44,18 +44,18 @@ def _with_unit(value: float, unit: str) -> str:
     return f"{value:.2g} {unit}" if not math.isnan(value) else "-"
 
 
-def cheapest(rows: Sequence[Row], asked: Requirement) -> dict[str, Row]:
+def cheapest(rows: Sequence[Row], requirement: Requirement) -> dict[str, Row]:
     """Return the coarsest row of each program that meets a requirement, the cheapest first; set-up counts.
 
     A setting counts only if all finer settings that were measured meet the requirement, too, which excludes luck.
     """
-    known = [row for row in rows if row.compared == REFERENCE and row.horizon == asked.horizon]
+    references = [row for row in rows if row.compared == REFERENCE and row.horizon == requirement.horizon]
     able_rows = dict[str, Row]()
-    if known and not getattr(known[-1], asked.column) >= asked.limit:  # NaN: nothing to compare
-        measured = [row for row in rows if (row.compared, row.horizon) == (REQUIRED, asked.horizon)]
+    if references and not getattr(references[-1], requirement.column) >= requirement.limit:  # NaN: nothing to compare
+        measured = [row for row in rows if (row.compared, row.horizon) == (REQUIRED, requirement.horizon)]
         for name in dict.fromkeys(row.program for row in measured):
             ladder = sorted((row for row in measured if row.program == name), key=lambda row: row.value)
-            if able := list(takewhile(lambda row: getattr(row, asked.column) < asked.limit, ladder)):
+            if able := list(takewhile(lambda row: getattr(row, requirement.column) < requirement.limit, ladder)):
                 able_rows[name] = able[-1]
     return dict(sorted(able_rows.items(), key=lambda item: item[1].wall_time))
 
@@ -69,20 +69,20 @@ def use_in_words(row: Row) -> str:
 def advice(rows: Sequence[Row]) -> dict[str, str]:
     """Return for each requirement the programs that meet it in a scene, the cheapest first, or why none does."""
     comparable = lyapunov_time_in(rows).comparable
-    return {asked.words: _advice(rows, asked, comparable) for asked in REQUIREMENTS} | {
+    return {requirement.words: _advice(rows, requirement, comparable) for requirement in REQUIREMENTS} | {
         MEAN_SPEED: _mean_speed_advice(rows)}
 
 
-def _advice(rows: Sequence[Row], asked: Requirement, comparable: float) -> str:
-    if asked.horizon > comparable:
+def _advice(rows: Sequence[Row], requirement: Requirement, comparable: float) -> str:
+    if requirement.horizon > comparable:
         return "not possible: chaos"
-    measured = [row for row in rows if row.compared == REQUIRED and row.horizon == asked.horizon]
+    measured = [row for row in rows if row.compared == REQUIRED and row.horizon == requirement.horizon]
     if not measured:
         return "not measured"
-    done = [row for row in measured if row.outcome == OK and row.program in ("exact", "rk4_located")]
-    if done and all(math.isnan(getattr(row, asked.column)) for row in done):
+    measured_by_device = [row for row in measured if row.outcome == OK and row.program in ("exact", "rk4_located")]
+    if measured_by_device and all(math.isnan(getattr(row, requirement.column)) for row in measured_by_device):
         return "nothing touches"
-    return "; ".join(map(use_in_words, cheapest(rows, asked).values())) or "nothing that was measured"
+    return "; ".join(map(use_in_words, cheapest(rows, requirement).values())) or "nothing that was measured"
 
 
 def averages_of(rows: Sequence[Row], program: str) -> list[Row]:

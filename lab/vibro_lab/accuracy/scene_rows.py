@@ -171,12 +171,12 @@ def averages(scene: Scene, method: str, step: float, effort: Effort) -> list[Row
     speeds = np.array(measured)
     if not np.abs(speeds).max() < _DIVERGED:
         return [replace(row, outcome=DIVERGES, note=f"diverged: faster than {_DIVERGED:g} m/s")]
-    motions_found, places = group_starts(motions, measured)
+    motions_found, indices = group_starts(motions, measured)
     averaged = []
-    for place, attractor in enumerate(motions_found):
-        chosen, drift = speeds[places == place], 0.0
+    for index, attractor in enumerate(motions_found):
+        chosen, drift = speeds[indices == index], 0.0
         if not attractor.turns:
-            drift = drift_in(np.array(drifts)[places == place], float(chosen.mean()))
+            drift = drift_in(np.array(drifts)[indices == index], float(chosen.mean()))
         low, high = np.quantile(chosen, (0.05, 0.95))
         averaged.append(replace(
             row, repeats=len(chosen), mean=float(chosen.mean()), low=float(low), high=float(high),

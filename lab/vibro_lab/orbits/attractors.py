@@ -135,22 +135,22 @@ def group_starts(motions: Sequence[SettledMotion | None],
     `motions` has the motion of each start at the cut of one turn map, None for a start that has not settled;
     `mean_speeds` are those of the body [m/s]. Multipliers and exponents are added by `with_exponents`.
     """
-    known, distinct = [], list[SettledMotion]()
+    numbers, distinct = [], list[SettledMotion]()
     for motion in motions:
         number = None if motion is None else number_among(motion, distinct)
         if motion is not None and number is None and len(distinct) < MOST_ATTRACTORS:
             number = len(distinct)
             distinct.append(motion)
-        known.append(len(motions) if number is None else number)
-    of_start = np.array(known, dtype=int)
+        numbers.append(len(motions) if number is None else number)
+    of_start = np.array(numbers, dtype=int)
     groups, count = np.unique(of_start, return_counts=True)
     order = sorted(range(len(groups)), key=lambda place: (groups[place] == len(motions), -count[place], groups[place]))
     grouped, places = list[Attractor](), np.empty(len(motions), dtype=int)
-    for place, old in enumerate(order):
-        chosen = of_start == groups[old]
-        places[chosen] = place
-        motion = None if groups[old] == len(motions) else distinct[groups[old]]
-        grouped.append(_attractor(motion, np.asarray(mean_speeds)[chosen], len(motions)))
+    for place, group in enumerate(order):
+        is_in_group = of_start == groups[group]
+        places[is_in_group] = place
+        motion = None if groups[group] == len(motions) else distinct[groups[group]]
+        grouped.append(_attractor(motion, np.asarray(mean_speeds)[is_in_group], len(motions)))
     return Attractors(grouped), places
 
 
@@ -192,8 +192,8 @@ def _multipliers(attractor: Attractor, turn_map: TurnMap) -> np.ndarray:
     free_map = TurnMap(turn_map.scene, phase)
     state = at_cut(turn_map, attractor.states[-1], free_map)
     try:
-        closed = fixed_point(free_map, state, attractor.turns or 1)
-        orbit = closed and orbit_at(free_map, closed, attractor.turns or 1)
+        point = fixed_point(free_map, state, attractor.turns or 1)
+        orbit = point and orbit_at(free_map, point, attractor.turns or 1)
     except (SimulationError, ValueError):
         orbit = None
     if orbit and abs(orbit.mean_speed - attractor.mean_speed) <= _SAME_SPEED * abs(attractor.mean_speed) + 1e-9:
@@ -257,14 +257,14 @@ def with_scene_start(motions: Sequence[SettledMotion | None], mean_speeds: Seque
     """
     drawn, places = group_starts(motions[1:], mean_speeds[1:])
     grouped, numbers = list(drawn), [int(np.argmax(places == place)) for place in range(len(drawn))]
-    _, with_own = group_starts([*motions[1:], motions[0]], [*mean_speeds[1:], mean_speeds[0]])
-    same = np.flatnonzero(with_own[:-1] == with_own[-1])
-    if len(same):
-        place = int(places[same[0]])
+    _, all_places = group_starts([*motions[1:], motions[0]], [*mean_speeds[1:], mean_speeds[0]])
+    same_motion = np.flatnonzero(all_places[:-1] == all_places[-1])
+    if len(same_motion):
+        place = int(places[same_motion[0]])
         grouped[place] = replace(grouped[place], of_scene_start=True)
         return grouped, numbers
-    ((alone,), _), (share, low, high) = group_starts(motions[:1], mean_speeds[:1]), share_of(0, len(motions) - 1)
-    return [*grouped, replace(alone, starts=0, share=share, low=low, high=high, of_scene_start=True)], [*numbers, -1]
+    ((own,), _), (share, low, high) = group_starts(motions[:1], mean_speeds[:1]), share_of(0, len(motions) - 1)
+    return [*grouped, replace(own, starts=0, share=share, low=low, high=high, of_scene_start=True)], [*numbers, -1]
 
 
 def _settled(scene: Scene, phase: float, number: int) -> tuple[SettledMotion | None, float]:

@@ -85,11 +85,6 @@ def follow_orbit(orbit: Orbit, name: str, low: float, high: float, upwards: bool
     points : int
         Largest number of orbits, from 2 to 100 000.
 
-    Returns
-    -------
-    Branch
-        The orbits, and the special points between them.
-
     Raises
     ------
     ValueError
@@ -129,29 +124,29 @@ def doubled_branch_from(family: Family, begin: np.ndarray, points: int) -> Branc
     The branch leaves along the eigenvector of the multiplier -1. The opposite direction leads to the same orbits, half
     a period later.
     """
-    twice, matrix = family.with_turns(2 * family.turns), family.jacobian(begin)[:, :-1]
+    doubled_family, matrix = family.with_turns(2 * family.turns), family.jacobian(begin)[:, :-1]
     values, vectors = np.linalg.eig(matrix + np.eye(len(matrix)))
-    away = np.append(np.real(vectors[:, np.argmin(np.abs(values + 1.0))]), 0.0)
-    away /= np.linalg.norm(away)
+    direction = np.append(np.real(vectors[:, np.argmin(np.abs(values + 1.0))]), 0.0)
+    direction /= np.linalg.norm(direction)
     for amplitude in _AMPLITUDES:
         try:
-            unknowns, _ = corrected_orbit(twice, begin + amplitude * away, away, amplitude)
-            start = point_at(twice, unknowns, unknowns - begin, amplitude)
+            unknowns, _ = corrected_orbit(doubled_family, begin + amplitude * direction, direction, amplitude)
+            start = point_at(doubled_family, unknowns, unknowns - begin, amplitude)
         except (LostError, SimulationError, ValueError):
             continue
         return whole_branch(start, points)
-    return make_branch(twice, [], [], "no orbit of doubled period was found beside the period doubling")
+    return make_branch(doubled_family, [], [], "no orbit of doubled period was found beside the period doubling")
 
 
 def lies_on(family: Family, seed: Seed, value: float, branch: Branch) -> bool:
     """Whether a branch of the family contains the orbit of `seed` at a value of the parameter."""
     if branch.turns != seed.turns:
         return False
-    beside = branch.values - value
-    for k in np.flatnonzero(beside[1:] * beside[:-1] <= 0.0):
-        if branch.phases[k] != branch.phases[k + 1] or beside[k] == beside[k + 1]:
+    differences = branch.values - value
+    for k in np.flatnonzero(differences[1:] * differences[:-1] <= 0.0):
+        if branch.phases[k] != branch.phases[k + 1] or differences[k] == differences[k + 1]:
             continue
-        part = beside[k] / (beside[k] - beside[k + 1])
+        part = differences[k] / (differences[k] - differences[k + 1])
         guess = branch.states[k] + part * (branch.states[k + 1] - branch.states[k])
         family_of_branch = family.with_turns(branch.turns).with_phase(float(branch.phases[k]))
         try:
@@ -232,8 +227,8 @@ class Closing:
     def _begins_at(self, family: Family) -> list[np.ndarray]:
         """Unknowns of the first orbit at the cut of a family, on each of its turns."""
         if family is not self._family:
-            there, (unknowns,) = self._start.family.recut(family.phase, [self._start.unknowns])
-            self._family, self._begins = family, there.starts_along(unknowns)
+            recut_family, (unknowns,) = self._start.family.recut(family.phase, [self._start.unknowns])
+            self._family, self._begins = family, recut_family.starts_along(unknowns)
         return self._begins
 
 

@@ -204,8 +204,8 @@ def _stretched(matrix: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.nda
     """Axes after a turn, orthonormal again, shape (n, n), and the logarithms of their stretches, shape (n,)."""
     axes, triangle = np.linalg.qr(matrix @ axes)
     stretch = np.abs(np.diag(triangle))
-    gone = stretch <= RESOLVED * np.abs(matrix).max(initial=0.0)
-    return axes, np.where(gone, -np.inf, np.log(np.where(gone, 1.0, stretch)))
+    vanished = stretch <= RESOLVED * np.abs(matrix).max(initial=0.0)
+    return axes, np.where(vanished, -np.inf, np.log(np.where(vanished, 1.0, stretch)))
 
 
 _PAIR_SEPARATION = 1e-10  # relative difference of the commanded motor speeds, or voltages, that separates a pair
@@ -235,22 +235,22 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
         return math.nan, math.nan
     device.advance_to(begin)
     twin, ends = Simulator(device.scene), iter([begin + stretch * k for k in range(1, count + 1)])
-    growth, watched, parted = list[float](), list[int](), False
-    for begun in ends:
-        distances = _distances(device, twin, begun, ends)
+    growth, watched, has_separated = list[float](), list[int](), False
+    for begin_of_pair in ends:
+        distances = _distances(device, twin, begin_of_pair, ends)
         if len(distances) > 1:
             growth.append(math.log(distances[-1] / distances[0]))
             watched.append(len(distances) - 1)
-            parted = parted or distances[-1] > _SEPARATED_GROWTH * distances[0]
-    if not parted:
+            has_separated = has_separated or distances[-1] > _SEPARATED_GROWTH * distances[0]
+    if not has_separated:
         return 0.0, math.log(_SEPARATED_GROWTH) / (sum(watched) * stretch) if watched else math.nan
     rates = [grown.sum() / (lasted.sum() * stretch) for grown, lasted in zip(
         *(np.array_split(of_pairs, min(_PARTS, len(growth))) for of_pairs in (growth, watched)), strict=True)]
     return sum(growth) / (sum(watched) * stretch), float(half_interval(np.array(rates)))
 
 
-def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[float]) -> list[float]:
-    """Separate a pair slightly until the instant `begun`, and return its distances [m] in the stretches up to `ends`.
+def _distances(device: Simulator, twin: Simulator, begin: float, ends: Iterator[float]) -> list[float]:
+    """Separate a pair slightly until the instant `begin`, and return its distances [m] in the stretches up to `ends`.
 
     The distances end when the pair is far apart; their ends are consumed from the iterator.
     """
@@ -259,14 +259,14 @@ def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[
     twin.restore(device.checkpoint())
     twin.command(**{command: (1.0 - _PAIR_SEPARATION) * value})
     for simulator in (device, twin):
-        simulator.advance_to(begun)
+        simulator.advance_to(begin)
     twin.command(**{command: value})
     distances: list[float] = []
     for end in ends:
         first, second = (simulator.sample(np.linspace(simulator.time, end, _SAMPLES)) for simulator in (device, twin))
-        apart = max(np.abs(first.upper_position - second.upper_position).max(),
+        distance = max(np.abs(first.upper_position - second.upper_position).max(),
                     np.abs(first.inclined_position - second.inclined_position).max())
-        distances.append(max(_ROUNDING, float(apart)))
+        distances.append(max(_ROUNDING, float(distance)))
         if distances[-1] > _LARGEST_DISTANCE:
             break
     for simulator in (device, twin):

@@ -39,7 +39,6 @@ from vibro_lab.orbits.passage import change_in_words, contacts_of, same_order
 from vibro_ros import SimulationError
 
 FOLD, DOUBLING, TORUS, GRAZING, CORNER = "fold", "period doubling", "Neimark-Sacker", "grazing", "corner"
-KINDS = (FOLD, DOUBLING, TORUS, GRAZING, CORNER)
 
 
 class EdgeError(LostError):
@@ -59,9 +58,9 @@ def follow(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     yield point, point
     while 0.0 <= point.unknowns[-1] <= 1.0:
         neighbours, step = _next(point, step)
-        for after in neighbours:
-            yield point, after
-            point = after
+        for neighbour in neighbours:
+            yield point, neighbour
+            point = neighbour
         point = _well_cut(point)
 
 
@@ -72,28 +71,32 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
     """
     family, settings, reason = point.family, point.family.settings, ""
     while step >= settings.shortest_step:
-        guess, crosses = point.unknowns + step * point.tangent, False
+        guess = point.unknowns + step * point.tangent
         try:
             unknowns, derivatives = corrected_orbit(family, guess, point.tangent, step)
-            after = point_at(family, unknowns, point.tangent, step)
-            crosses = not same_order(after.passage.order, point.passage.order)
-            if not crosses and 1.0 - after.tangent @ point.tangent <= settings.bend:
+            next_point = point_at(family, unknowns, point.tangent, step)
+            crosses = not same_order(next_point.passage.order, point.passage.order)
+            if not crosses and 1.0 - next_point.tangent @ point.tangent <= settings.bend:
                 growth = 1.5 if derivatives <= settings.easy_iterations else 1.0
-                return [after], min(settings.longest_step, step * growth)
-            reason = f"the branch bends too sharply near {family.where(after.unknowns)}"
+                return [next_point], min(settings.longest_step, step * growth)
+            reason = f"the branch bends too sharply near {family.where(next_point.unknowns)}"
         except LostError as error:
-            reason = str(error)
-            try:
-                crosses = not same_order(family.order(guess), point.passage.order)
-            except (SimulationError, ValueError):
-                crosses = False
-        if (crosses or step < settings.edge_search_step) and (last := point_before_edge(point, step)):
-            return [last, point_beyond_edge(last)], settings.first_step
+            reason, crosses = str(error), _changes_order(point, guess)
+        if (crosses or step < settings.edge_search_step) and (edge := point_before_edge(point, step)):
+            return [edge, point_beyond_edge(edge)], settings.first_step
         if step < 2.0 * settings.stiff_step and abs(point.multipliers[0]) > settings.stiff_multiplier:
             raise LostError(f"too unstable to be followed beyond {family.where(point.unknowns)}: a disturbance grows "
                             f"{abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
         step *= 0.5
     raise LostError(reason)
+
+
+def _changes_order(point: BranchPoint, guess: np.ndarray) -> bool:
+    """Whether the events at a guess have another order than at a point of the branch; False if the guess cannot run."""
+    try:
+        return not same_order(point.family.order(guess), point.passage.order)
+    except (SimulationError, ValueError):
+        return False
 
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
@@ -103,12 +106,12 @@ def _well_cut(point: BranchPoint) -> BranchPoint:
         return point
     family, (start, ahead) = point.family.recut(point.passage.best, [
         point.unknowns, point.unknowns + settings.direction_arc * point.tangent])
-    along = (ahead - start) / np.linalg.norm(ahead - start)
+    direction = (ahead - start) / np.linalg.norm(ahead - start)
     try:
-        unknowns, _ = corrected_orbit(family, start, along)
+        unknowns, _ = corrected_orbit(family, start, direction)
     except LostError:
         return point
-    return point_at(family, unknowns, along)
+    return point_at(family, unknowns, direction)
 
 
 def locate_zero(first: BranchPoint, second: BranchPoint, test: Callable[[BranchPoint], float],
@@ -123,23 +126,22 @@ def locate_zero(first: BranchPoint, second: BranchPoint, test: Callable[[BranchP
     span = end - start
     length = float(np.linalg.norm(span))
     normal = span / length
-    low, high, at_low, at_high = 0.0, 1.0, test(first), test(second)
+    low, high, value_low, value_high = 0.0, 1.0, test(first), test(second)
     low_point, high_point = first, second
     while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
-        secant = low + (high - low) * at_low / (at_low - at_high)
+        secant = low + (high - low) * value_low / (value_low - value_high)
         middle = min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
         unknowns, _ = corrected_orbit(family, start + middle * span, normal, length)
         point = point_at(family, unknowns, first.tangent, length, fine=True)
-        at = test(point)
-        if (at > 0.0) == (at_low > 0.0):
-            low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point
+        value = test(point)
+        if (value > 0.0) == (value_low > 0.0):
+            low, value_low, value_high, low_point = middle, value, 0.5 * value_high, point
         else:
-            high, at_high, at_low, high_point = middle, at, 0.5 * at_low, point
-        if at == 0.0 or np.abs(low_point.unknowns - high_point.unknowns).max() < 1e-15:
+            high, value_high, value_low, high_point = middle, value, 0.5 * value_low, point
+        if value == 0.0 or np.abs(low_point.unknowns - high_point.unknowns).max() < 1e-15:
             break  # not where the parameter alone is equal, as it is on both sides of a fold
     best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
-    width = _width(low_point, high_point, (high - low) * length)
-    return best, family.span(width)
+    return best, family.span(_width(low_point, high_point, (high - low) * length))
 
 
 def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
@@ -158,17 +160,17 @@ def point_before_edge(point: BranchPoint, step: float) -> BranchPoint | None:
     try:
         for _ in range(settings.most_rounds):
             unknowns, width = _last_of_side(low, far)
-            ahead = unknowns + max(settings.beyond_arc, 10.0 * width) * low.tangent
-            apart = float(np.linalg.norm(unknowns - low.unknowns))
-            if not same_order(family.order(ahead), low.passage.order):
-                near_edge = unknowns - min(settings.before_arc, 0.5 * apart) * low.tangent
+            probe = unknowns + max(settings.beyond_arc, 10.0 * width) * low.tangent
+            distance = float(np.linalg.norm(unknowns - low.unknowns))
+            if not same_order(family.order(probe), low.passage.order):
+                near_edge = unknowns - min(settings.before_arc, 0.5 * distance) * low.tangent
                 side = point_at(family, near_edge, low.tangent, settings.before_arc)
                 return replace(side, unknowns=unknowns, passage=family.passage(unknowns),
                                mean_speed=family.mean_speed(unknowns), width=family.span(abs(width * low.tangent[-1])))
-            if apart == 0.0:
+            if distance == 0.0:
                 return None
             # The order ahead is the same: the search failed because the derivative at `low` was too old.
-            low, far = point_at(family, unknowns, low.tangent, far), far - apart
+            low, far = point_at(family, unknowns, low.tangent, far), far - distance
     except (LostError, SimulationError, ValueError):
         pass
     return None
@@ -183,23 +185,23 @@ def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
     held = ~family.free(low.unknowns)[:-1]
     inverse = np.linalg.pinv(np.vstack([family.jacobian(low.unknowns, far), low.tangent]))
 
-    def ahead(guess: np.ndarray) -> np.ndarray | None:
-        at, last_size = guess.copy(), np.inf
+    def closed_orbit(guess: np.ndarray) -> np.ndarray | None:
+        unknowns, last_size = guess.copy(), np.inf
         for _ in range(settings.most_chords):
-            residual = family.residual(at)
+            residual = family.residual(unknowns)
             residual[held] = 0.0
             size = float(np.abs(residual).max())
             if size <= 0.1 * CLOSED or size >= 0.7 * last_size:
                 break
-            at, last_size = at - inverse @ np.append(residual, low.tangent @ (at - guess)), size
-        closes = size <= CLOSED and same_order(family.order(at), low.passage.order)
-        return at if closes else None
+            unknowns, last_size = unknowns - inverse @ np.append(residual, low.tangent @ (unknowns - guess)), size
+        closes = size <= CLOSED and same_order(family.order(unknowns), low.passage.order)
+        return unknowns if closes else None
 
     near, last = 0.0, low.unknowns
     while far - near > settings.edge_arc:
         middle = 0.5 * (near + far)
         try:
-            orbit = ahead(last + (middle - near) * low.tangent)
+            orbit = closed_orbit(last + (middle - near) * low.tangent)
         except (SimulationError, ValueError):
             orbit = None
         if orbit is None:
@@ -239,14 +241,14 @@ def point_beyond_edge(edge: BranchPoint) -> BranchPoint:
 def _direction(family: Family, edge: BranchPoint, probe: float) -> np.ndarray | None:
     """Direction of the branch on the other side, pointing into that side if known; None if `probe` does not reach it.
     """
-    there = edge.unknowns + probe * edge.tangent
-    if same_order(family.order(there), edge.passage.order):
+    probe_point = edge.unknowns + probe * edge.tangent
+    if same_order(family.order(probe_point), edge.passage.order):
         return None
-    *_, rows = np.linalg.svd(family.jacobian(there, probe))
-    along: np.ndarray = rows[-1] if rows[-1] @ edge.tangent >= 0.0 else -rows[-1]
-    sides = [same_order(family.order(edge.unknowns + sign * probe * along), edge.passage.order)
+    *_, rows = np.linalg.svd(family.jacobian(probe_point, probe))
+    direction: np.ndarray = rows[-1] if rows[-1] @ edge.tangent >= 0.0 else -rows[-1]
+    sides = [same_order(family.order(edge.unknowns + sign * probe * direction), edge.passage.order)
              for sign in (1.0, -1.0)]
-    return -along if sides == [True, False] else along
+    return -direction if sides == [True, False] else direction
 
 
 def _entered(edge: BranchPoint, direction: np.ndarray, arc: float, depth: float) -> BranchPoint | None:
@@ -273,7 +275,7 @@ def _entered(edge: BranchPoint, direction: np.ndarray, arc: float, depth: float)
 class SpecialPoint:
     """A special point of a branch."""
 
-    kind: str  # one of `KINDS`
+    kind: str  # `FOLD`, `DOUBLING`, `TORUS`, `GRAZING` or `CORNER`
     point: BranchPoint  # point of the branch there
     width: float  # width of the interval of the parameter [its unit] in which it was found
     # Change of the order of events, such as ``stick vanishes``, and whether the branch turns back there; empty if the

@@ -161,8 +161,8 @@ class Family:
         near = self.settings.difference_per_reach * min(events.miss, reach)
         step = max(least, min(STEP, self.settings.difference_per_speed * events.softest**2, near))
         while True:
-            matrix, same = self._differences(unknowns, free, events.order, step)
-            if same or step <= least:
+            matrix, has_same_order = self._differences(unknowns, free, events.order, step)
+            if has_same_order or step <= least:
                 break
             step = max(least, 0.1 * step)
         return (4.0 * self._differences(unknowns, free, events.order, 0.5 * step)[0] - matrix) / 3.0 if fine else matrix
@@ -174,14 +174,14 @@ class Family:
         orders = list[EventOrder]()
 
         def end_of(moved: np.ndarray) -> np.ndarray:
-            end, along = end_and_order(self.map_at(moved), self.state(moved), self.turns)
-            orders.append(along)
+            end, moved_order = end_and_order(self.map_at(moved), self.state(moved), self.turns)
+            orders.append(moved_order)
             return end.state
 
         matrix = differences(end_of, unknowns, free, step)
         matrix[~free[:n]] = 0.0
         matrix[:, :n] -= np.eye(n)
-        return matrix, all(along == order for along in orders)
+        return matrix, all(moved_order == order for moved_order in orders)
 
     def with_turns(self, turns: int) -> "Family":
         """Return the same family for orbits that repeat themselves after another number of turns."""
@@ -261,22 +261,22 @@ def corrected_orbit(family: Family, guess: np.ndarray, normal: np.ndarray,
     LostError if Newton's method does not converge. `reach` is that of `Family.jacobian`, at most the longest step.
     """
     reach = min(reach, family.settings.longest_step)
-    at, best, closest, matrix, derivatives = guess.copy(), np.inf, guess, None, 0
+    unknowns, best, closest, matrix, derivatives = guess.copy(), np.inf, guess, None, 0
     for _ in range(family.settings.most_iterations):
         try:
-            free, residual = family.free(at), family.residual(at)
+            free, residual = family.free(unknowns), family.residual(unknowns)
             size = float(np.abs(residual).max())
             if size <= CLOSED and size >= 0.25 * best:  # rounding allows no smaller residual
-                return closest if best < size else at, derivatives
+                return closest if best < size else unknowns, derivatives
             if matrix is None or size > family.settings.slow_convergence * best:
-                matrix, derivatives = np.vstack([family.jacobian(at, reach), normal]), derivatives + 1
+                matrix, derivatives = np.vstack([family.jacobian(unknowns, reach), normal]), derivatives + 1
             if size < best:
-                best, closest = size, at
+                best, closest = size, unknowns
             residual[~free[:-1]] = 0.0
-            at = at - np.linalg.solve(matrix, np.append(residual, normal @ (at - guess)))
+            unknowns = unknowns - np.linalg.solve(matrix, np.append(residual, normal @ (unknowns - guess)))
         except (np.linalg.LinAlgError, SimulationError, ValueError) as error:
             raise LostError(str(error)) from error
-        if not np.all(np.isfinite(at)) or np.abs(at - guess).max() > 10.0 * family.settings.longest_step:
+        if not np.all(np.isfinite(unknowns)) or np.abs(unknowns - guess).max() > 10.0 * family.settings.longest_step:
             break
     if best <= CLOSED:
         return closest, derivatives

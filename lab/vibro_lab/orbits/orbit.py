@@ -105,19 +105,12 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     turns : int
         From 1 to `MOST_TURNS`.
 
-    Returns
-    -------
-    Orbit
-        The orbit, with its multipliers.
-
     Raises
     ------
     ValueError
         For a number of turns out of range, a crank that stands, or a controller that takes samples.
     OrbitNotFoundError
         When no such orbit is found; the message names the period of the settled motion [turns], if it has one.
-    SimulationError
-        If the run cannot go on.
 
     Examples
     --------
@@ -129,29 +122,29 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     check_closes(scene)
     TurnMap(scene)  # refuses a crank that stands
     device, repeats = Simulator(scene), 0
-    for settled in SETTLING:
-        turn_round(device, settled)
+    for settling in SETTLING:
+        turn_round(device, settling)
         phase, _ = free_phase(scene, device)
         turn_map = TurnMap(scene, phase)
-        seen = turn_map.cuts(device, 2 * MOST_TURNS).states
-        returns = np.abs(seen[turns:] - seen[:-turns]).max(axis=1)
+        cuts = turn_map.cuts(device, 2 * MOST_TURNS).states
+        returns = np.abs(cuts[turns:] - cuts[:-turns]).max(axis=1)
         for best in np.argsort(returns, kind="stable")[:_GUESSES]:
-            if closed := fixed_point(turn_map, seen[best], turns):
-                return orbit_at(turn_map, closed, turns)
+            if point := fixed_point(turn_map, cuts[best], turns):
+                return orbit_at(turn_map, point, turns)
         repeats = repeats or next((count for count in range(1, MOST_TURNS + 1)
-                                   if np.abs(seen[count:] - seen[:-count]).max() < _LARGEST_RETURN), 0)
+                                   if np.abs(cuts[count:] - cuts[:-count]).max() < _LARGEST_RETURN), 0)
     advice = f"; it repeats itself after {repeats} turns: give turns={repeats}" if repeats else (
         f", nor one that repeats itself within {MOST_TURNS} turns")
     raise OrbitNotFoundError(f"{scene.name}: at {command_in_words(scene)} no motion was found that repeats itself "
                              f"after {turns} turns{advice}")
 
 
-def orbit_at(turn_map: TurnMap, closed: FixedPoint, turns: int) -> Orbit:
+def orbit_at(turn_map: TurnMap, point: FixedPoint, turns: int) -> Orbit:
     """Return the orbit through a fixed point of the map, with multipliers and mean speed."""
-    multipliers, error = _multipliers(turn_map, closed.state, turns)
-    end = turn_map(closed.state, turns)
-    return Orbit(turn_map.scene, turns, turn_map.sample(closed.state), multipliers, error,
-                 end.advance / end.duration, closed.residual, end.duration)
+    multipliers, error = _multipliers(turn_map, point.state, turns)
+    end = turn_map(point.state, turns)
+    return Orbit(turn_map.scene, turns, turn_map.sample(point.state), multipliers, error,
+                 end.advance / end.duration, point.residual, end.duration)
 
 
 def _multipliers(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[np.ndarray, float]:
@@ -191,19 +184,19 @@ def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
     return differences(lambda moved: turn_map(moved, turns).state, state, free, step, end.state), end
 
 
-def differences(end_of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, free: np.ndarray, step: float,
+def differences(end_of: Callable[[np.ndarray], np.ndarray], unknowns: np.ndarray, free: np.ndarray, step: float,
                 centre: np.ndarray | None = None) -> np.ndarray:
-    """Derivative of `end_of` at the unknowns `at` by central differences, shape (n, unknowns).
+    """Derivative of `end_of` with respect to `unknowns` by central differences, shape (n, unknowns).
 
-    The columns of unknowns that are not `free` are 0. If `centre`, the value of `end_of` at `at`, is given, an unknown
-    that cannot be displaced to one side (ValueError) has a one-sided difference, and 0 if it cannot be displaced at
-    all.
+    The columns of unknowns that are not `free` are 0. If `centre`, the value of `end_of` at `unknowns`, is given, an
+    unknown that cannot be displaced to one side (ValueError) has a one-sided difference, and one that cannot be
+    displaced at all has 0.
     """
     columns = dict[int, np.ndarray]()
     for i in np.flatnonzero(free).tolist():
         ends, reach = [], 0.0
         for moved in (step, -step):
-            displaced = at.copy()
+            displaced = unknowns.copy()
             displaced[i] += moved
             try:
                 ends.append(end_of(displaced))
@@ -213,8 +206,8 @@ def differences(end_of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, free
                     raise
                 ends.append(centre)
         columns[i] = (ends[0] - ends[1]) / reach if reach else np.zeros_like(ends[0])
-    zero = np.zeros_like(next(iter(columns.values()), at))
-    return np.column_stack([columns.get(i, zero) for i in range(len(at))])
+    zero = np.zeros_like(next(iter(columns.values()), unknowns))
+    return np.column_stack([columns.get(i, zero) for i in range(len(unknowns))])
 
 
 def fixed_point(turn_map: TurnMap, guess: np.ndarray, turns: int) -> FixedPoint | None:
@@ -239,11 +232,11 @@ def fixed_point(turn_map: TurnMap, guess: np.ndarray, turns: int) -> FixedPoint 
         while part >= _LEAST_STEP_PART:
             moved = state - part * difference
             try:
-                after = turn_map(moved, turns).state - moved
+                moved_residual = turn_map(moved, turns).state - moved
             except (SimulationError, ValueError):
-                after = np.full_like(residual, np.inf)
-            if np.abs(after).max() < np.abs(residual).max():
-                state, residual = moved, after
+                moved_residual = np.full_like(residual, np.inf)
+            if np.abs(moved_residual).max() < np.abs(residual).max():
+                state, residual = moved, moved_residual
                 break
             part *= 0.5
         else:
@@ -274,8 +267,8 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
         stroboscope.begin_as(**_random_start(turn_map, start))
         motion = settle(stroboscope)
         if motion and 1 <= motion.turns <= most_turns and (
-                closed := fixed_point(turn_map, motion.states[-1], motion.turns)):
-            seeds.append(Seed(motion.turns, turn_map.phase, closed.state))
+                point := fixed_point(turn_map, motion.states[-1], motion.turns)):
+            seeds.append(Seed(motion.turns, turn_map.phase, point.state))
     for turns in range(1, min(_LONGEST_UNSTABLE, most_turns) + 1):
         try:
             orbit = find_orbit(scene, turns)

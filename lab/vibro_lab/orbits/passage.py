@@ -56,13 +56,13 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     events = device.take_events()
     events = events[events["time"] < end]
     of_contact = np.char.endswith(events["kind"], _CONTACT)
-    kinds, counts = np.unique(events["kind"][of_contact], return_counts=True)
+    contacts = events[of_contact]
+    kinds, counts = np.unique(contacts["kind"], return_counts=True)
     begins, lasting = turn_map.shares(state, events["time"], np.where(of_contact, events["duration"], 0.0))
     busy = events_in_cells(begins % 1.0, lasting) > 0.0
     occupied = np.flatnonzero(busy)
     clear = min(occupied.min(), CELLS - 1 - occupied.max()) / CELLS if len(occupied) else 1.0
     best, _ = middle_of_longest(~busy, free=True) if not busy.all() else (0.0, 0.0)
-    contacts = events[of_contact]
     speeds = np.maximum(contacts["speed"] / turn_map.velocity, 0.5 * TURN * lasting[of_contact])
     miss = _nearest_miss(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
@@ -70,7 +70,7 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
                    miss, end_and_order(turn_map, state, turns)[1])
 
 
-def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
+def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int) -> tuple[TurnEnd, EventOrder]:
     """Return the end of `turns` turns from `state`, as a call of the map does, and the order of the events until then.
     """
     device = turn_map.device
@@ -83,8 +83,8 @@ def end_and_order(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple
     speeds = np.zeros((len(landings), 2))
     if len(landings):  # an event of a landing does not contain the body's speeds before and after it
         device.restore(start)
-        beside = landings[:, None] + _FLOAT_OFFSETS * np.spacing(landings)[:, None]
-        speeds = device.sample(beside.ravel()).body_velocity.reshape(-1, 2)
+        instants = landings[:, None] + _FLOAT_OFFSETS * np.spacing(landings)[:, None]
+        speeds = device.sample(instants.ravel()).body_velocity.reshape(-1, 2)
     return TurnEnd(turn_map.read(now), now.body_position, end), event_order(events, end, speeds)
 
 
@@ -97,8 +97,8 @@ def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOr
     happened = list(zip(events["time"].tolist(), events["kind"].tolist(), strict=True))
     ends = [(time + duration, kind + _ENDS) for (time, kind), duration in
             zip(happened, events["duration"].tolist(), strict=True) if kind.endswith(_CONTACT)]
-    left = iter(speeds.tolist())
-    happened = [(time, _landing(*next(left)) if kind == LANDING else kind) for time, kind in happened]
+    landing_speeds = iter(speeds.tolist())
+    happened = [(time, _landing(*next(landing_speeds)) if kind == LANDING else kind) for time, kind in happened]
     at_once: list[list[tuple[float, str]]] = [[(-math.inf, "")]]
     for time, kind in sorted(happened + ends):
         if time >= until:
@@ -133,14 +133,14 @@ def contacts_of(order: EventOrder) -> Counter[str]:
 def change_in_words(order: EventOrder, other: EventOrder) -> str:
     """Change of an order as text, such as ``stick vanishes, landing appears`` or ``other order of landing, stick``."""
     gained, lost = Counter(other) - Counter(order), Counter(order) - Counter(other)
-    words = [f"{kind} {what}" for counted, what in ((lost, "vanishes"), (gained, "appears"))
+    words = [f"{kind} {change}" for counted, change in ((lost, "vanishes"), (gained, "appears"))
              for kind in sorted(counted) if not kind.endswith(_ENDS) or len(lost) + len(gained) == 1]
     if words:
         return ", ".join(words)
     turned = min((order[k:] + order[:k] for k in range(len(order))),
                  key=lambda rotated: sum(a != b for a, b in zip(rotated, other, strict=True)))
-    moved = dict.fromkeys(a for a, b in zip(turned, other, strict=True) if a != b)
-    return f"other order of {', '.join(moved)}"
+    changed = dict.fromkeys(a for a, b in zip(turned, other, strict=True) if a != b)
+    return f"other order of {', '.join(changed)}"
 
 
 def _nearest_miss(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: np.ndarray) -> float:

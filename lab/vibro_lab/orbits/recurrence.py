@@ -101,21 +101,21 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
     quarters of all turns, is below `CLOSE`; for a controller that takes samples see the module's docstring. Transient
     chaos that lasts long cannot be distinguished from chaos that stays.
     """
-    scene, seen = stroboscope.turn_map.scene, stroboscope.turns(first)
+    scene, cuts = stroboscope.turn_map.scene, stroboscope.turns(first)
     while True:
-        turns = period_in(seen.states, scene)
-        if turns or (len(seen.states) >= 4 * CLOUD and _is_stationary(seen.states)):
-            over = turns or len(seen.states) // 2
+        turns = period_in(cuts.states, scene)
+        if turns or (len(cuts.states) >= 4 * CLOUD and _is_stationary(cuts.states)):
+            over = turns or len(cuts.states) // 2
             if turns and has_sampled_controller(scene):  # average over many positions of the cut between two samples
-                over = turns * (len(seen.states) // (2 * turns))
-            gone, lasted = (float(column[-1] - column[-1 - over]) for column in (seen.positions, seen.times))
-            return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / lasted, len(seen.states),
+                over = turns * (len(cuts.states) // (2 * turns))
+            distance, duration = (float(column[-1] - column[-1 - over]) for column in (cuts.positions, cuts.times))
+            return SettledMotion(turns, cuts.states[-(turns or CLOUD):].copy(), distance / duration, len(cuts.states),
                                  tolerance_of(scene))
-        more = min(2 * len(seen.states), most) - len(seen.states)
-        if more <= 0:
+        missing = min(2 * len(cuts.states), most) - len(cuts.states)
+        if missing <= 0:
             return None
-        ahead = stroboscope.turns(more)
-        seen = Cuts(*map(np.concatenate, zip(seen, ahead, strict=True)))
+        next_cuts = stroboscope.turns(missing)
+        cuts = Cuts(*map(np.concatenate, zip(cuts, next_cuts, strict=True)))
 
 
 def motion_of(states: np.ndarray, mean_speed: float, scene: Scene) -> SettledMotion | None:

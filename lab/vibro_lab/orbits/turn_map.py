@@ -67,8 +67,6 @@ class TurnMap:
 
     Attributes
     ----------
-    scene, phase
-        The parameters.
     names : tuple of str
         Names of the state's coordinates, fields of `Samples`, and `controller_integral`.
     units : ndarray, shape (n,)
@@ -218,7 +216,7 @@ def share_of_turn(scene: Scene, angle: float, phase: float) -> float:
 def state_names(scene: Scene) -> tuple[str, ...]:
     """Names of the coordinates of a state at the cut: fields of `Samples`, and `INTEGRAL` with a controller."""
     check_scene(scene)
-    masses = [f"{side}_{what}" for side in scene.guides for what in ("position", "velocity")]
+    masses = [f"{side}_{quantity}" for side in scene.guides for quantity in ("position", "velocity")]
     return (*masses, *["body_velocity"] * scene.body_moves,
             *["body_height", "body_vertical_velocity"] * scene.body_hops,
             *["motor_speed"] * scene.has_rotor, *motor_coordinates(scene))
@@ -271,10 +269,10 @@ def check_closes(scene: Scene) -> None:
             "settled_motion and study diagram, basins and map tell motions by their recurrence")
 
 
-def whole_number(what: str, value: object, least: int, most: int) -> int:
-    """Return `value` if it is an integer from `least` to `most`; else raise a ValueError that begins with `what`."""
+def whole_number(name: str, value: object, least: int, most: int) -> int:
+    """Return `value` if it is an integer from `least` to `most`; else raise a ValueError that begins with `name`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise ValueError(f"{what}: {value!r} is out of range; give a whole number from {least} to {most}")
+        raise ValueError(f"{name}: {value!r} is out of range; give a whole number from {least} to {most}")
     return int(value)
 
 
@@ -376,8 +374,8 @@ def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
         phase = np.mod((events["time"] - begin) / period + direction(scene) * angle / TURN, 1.0)
         lasting = np.where(_of_contact(events), events["duration"], 0.0) / period
     busy = events_in_cells(phase, lasting)
-    ahead, share = middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
-    return direction(scene) * ahead % TURN, share
+    middle, share = middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
+    return direction(scene) * middle % TURN, share
 
 
 def free_cut(scene: Scene) -> TurnMap:

@@ -241,7 +241,7 @@ class Progress:
         self._bar.update(count)
         now = time.monotonic()
         if self._bar.disable and not self._silent and now - self._last_report > _LINE_PERIOD:
-            left = (now - self._begun_at) / (self._done - self._first) * (self._total - self._done)
+            remaining = (now - self._begun_at) / (self._done - self._first) * (self._total - self._done)
             say("study", f"{self._what}: {self._done} of {self._total} {self._unit}s, "
-                         f"{tqdm.format_interval(left)} left")
+                         f"{tqdm.format_interval(remaining)} left")
             self._last_report = now

@@ -1,9 +1,9 @@
 """``study diagram``: the states once a turn over a parameter, swept up and down, with periods and Lyapunov exponents.
 
-A *visit* is the motion at one value in one direction. It begins with the last state of the visit before
-(`visit_table`). So a motion is followed as long as it is stable, and its end depends on the direction: this is
-hysteresis. Visits depend on each other and are computed in one process; a visit takes some hundredths of a second,
-unless nothing settles. Their exponents are independent and are computed in several processes (`period_table`).
+A *visit* is the motion at one value in one direction. It begins with the last state of the visit before. So a motion is
+followed as long as it is stable, and the value at which it is lost depends on the direction: this is hysteresis. Visits
+depend on each other, and one process computes them (`visit_table`). Several processes compute the exponents, which are
+independent (`period_table`).
 """
 
 import argparse
@@ -91,21 +91,17 @@ class DiagramDesign:
         """Direction of a visit, `UP` or `DOWN`."""
         return UP if visit < len(self.axis.values) else DOWN
 
-    def place(self, visit: int) -> int:
+    def index(self, visit: int) -> int:
         """Index of a visit's value among the values."""
         return min(visit, self.visits - 1 - visit)
 
     def value(self, visit: int) -> float:
         """Value of a visit, in the parameter's unit."""
-        return float(self.axis.values[self.place(visit)])
+        return float(self.axis.values[self.index(visit)])
 
     def scene_at(self, value: object) -> Scene:
-        """Return the scene at a value (ValueError if the scene refuses it)."""
+        """Return the scene at a value of the parameter (ValueError if the scene refuses it)."""
         return self.scene.with_parameters({self.axis.name: value})
-
-    def map_of(self, visit: int) -> TurnMap:
-        """Return the turn map of a visit."""
-        return TurnMap(self.scene_at(self.value(visit)), self.phase)
 
     def document(self) -> dict[str, object]:
         """Everything that determines the results, for JSON."""
@@ -141,40 +137,35 @@ def visit_table(design: DiagramDesign, folder: Path) -> tuple[pa.Table, tuple[Vi
           for name in design.names)]
 
     def visits(numbers: Iterable[int]) -> Rows:
-        left, last = None, -1
+        visit: VisitedValue | None = None
         for number in numbers:
-            if number and last != number - 1:
-                block = number // _BLOCK - 1
-                last_block = cast(pa.Table, read_block(study, folder, block))
-                left = _visits_in(design, last_block)[-1].states[-1]
-            visit = _visit(design, number, left if number else None)
-            left, last = visit.states[-1], number
+            if number and (visit is None or visit.number != number - 1):  # the block before was computed earlier
+                block = cast(pa.Table, read_block(study, folder, number // _BLOCK - 1))
+                visit = _visits_in(design, block)[-1]
+            visit = _visit(design, number, visit.states[-1] if visit else None)
             yield _rows_of(design, visit)
 
     study = Study("values", design.document(), fields, lambda number: [], 0.0, design.visits, _BLOCK)
     blocks = {block: study.points(block) for block in range(study.blocks)}
     tables = stored(study, folder, blocks, visits)
-    whole = pa.concat_tables([tables[block] for block in blocks])
-    return whole, tuple(_visits_in(design, whole))
+    table = pa.concat_tables([tables[block] for block in blocks])
+    return table, tuple(_visits_in(design, table))
 
 
-def _visit(design: DiagramDesign, number: int, left: np.ndarray | None) -> VisitedValue:
-    """Compute a visit that begins in `left`, the last state of the visit before, SI units, shape (n,).
-
-    Without it, the visit begins with the scene's own start.
-    """
-    turn_map = design.map_of(number)
+def _visit(design: DiagramDesign, number: int, begin_state: np.ndarray | None) -> VisitedValue:
+    """Compute a visit from the last state of the visit before, SI units, shape (n,); None is the scene's own start."""
+    turn_map = TurnMap(design.scene_at(design.value(number)), design.phase)
     stroboscope = Stroboscope(turn_map)
-    if left is None:
+    if begin_state is None:
         stroboscope.begin_as()
     else:
-        stroboscope.begin(_within_plates(turn_map, left) / turn_map.units)
+        stroboscope.begin(_within_plates(turn_map, begin_state) / turn_map.units)
     motion = settle(stroboscope, FIRST_TURNS, design.most_turns)
     settled = motion is not None
     if motion is None:
-        seen = stroboscope.turns(CLOUD)
-        speed = float((seen.positions[-1] - seen.positions[0]) / (seen.times[-1] - seen.times[0]))
-        motion = SettledMotion(0, seen.states, speed, design.most_turns + CLOUD, tolerance_of(turn_map.scene))
+        cuts = stroboscope.turns(CLOUD)
+        speed = float((cuts.positions[-1] - cuts.positions[0]) / (cuts.times[-1] - cuts.times[0]))
+        motion = SettledMotion(0, cuts.states, speed, design.most_turns + CLOUD, tolerance_of(turn_map.scene))
     return VisitedValue(number, motion, settled, motion.states * turn_map.units)
 
 
@@ -183,17 +174,17 @@ def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
     scene, moved = turn_map.scene, state.copy()
     for side in scene.plates:
         if scene[f"effects.{side}_contact"] == "restitution":
-            place = turn_map.names.index(f"{side}_position")
-            moved[place] = min(moved[place], scene[f"crank.{side}_rod"] + scene[f"{side}.gap"])
+            k = turn_map.names.index(f"{side}_position")
+            moved[k] = min(moved[k], scene[f"crank.{side}_rod"] + scene[f"{side}.gap"])
     return moved
 
 
 def _rows_of(design: DiagramDesign, visit: VisitedValue) -> list[dict]:
     """Return the rows of a visit, one for each state."""
-    about = {"visit": visit.number, "direction": design.direction(visit.number),
+    cells = {"visit": visit.number, "direction": design.direction(visit.number),
              design.axis.name: design.value(visit.number), "period": visit.motion.turns, "settled": visit.settled,
              "after": visit.motion.after, "mean_speed": visit.motion.mean_speed}
-    return [{**about, "cut": cut, **dict(zip(design.names, state, strict=True))}
+    return [{**cells, "cut": cut, **dict(zip(design.names, state, strict=True))}
             for cut, state in enumerate(visit.states.tolist())]
 
 
@@ -217,7 +208,7 @@ def exponents_of(design: DiagramDesign, settled: tuple[tuple[int, np.ndarray], .
 
     `settled` has for each visit its period [turns], or 0, and its last state in SI units.
     """
-    turn_map = design.map_of(number)
+    turn_map = TurnMap(design.scene_at(design.value(number)), design.phase)
     turns, state = settled[number][0], settled[number][1] / turn_map.units
     if turns:
         stroboscope = Stroboscope(turn_map)
@@ -227,13 +218,12 @@ def exponents_of(design: DiagramDesign, settled: tuple[tuple[int, np.ndarray], .
         spectrum = spectrum_until_known(turn_map, state, design.exponents)
         turns = 0 if spectrum.spread.any() else spectrum.turns
     return [{"visit": number, "period": turns,
-             **{f"exponent_{k + 1}": visit for k, visit in enumerate(spectrum.exponents.tolist())},
-             **{f"spread_{k + 1}": visit for k, visit in enumerate(spectrum.spread.tolist())}}]
+             **{f"exponent_{k}": exponent for k, exponent in enumerate(spectrum.exponents.tolist(), 1)},
+             **{f"spread_{k}": spread for k, spread in enumerate(spectrum.spread.tolist(), 1)}}]
 
 
-def period_table(design: DiagramDesign, seen: Sequence[VisitedValue], folder: Path, execution: Execution) -> pa.Table:
-    """Table of the periods and exponents, one row for each visit; blocks that are missing in the folder are computed.
-    """
+def period_table(design: DiagramDesign, visits: Sequence[VisitedValue], folder: Path, execution: Execution) -> pa.Table:
+    """Table of periods and exponents, a row for each visit; blocks that are missing in the folder are computed."""
     numbers = range(1, len(design.names) + 1)
     fields = [
         Field("visit", pa.int64(), "1", "number of the visit"),
@@ -243,7 +233,7 @@ def period_table(design: DiagramDesign, seen: Sequence[VisitedValue], folder: Pa
         *(Field(f"spread_{k}", pa.float64(), "1/s", "half the width of the exponent's 95 % interval; 0 for a periodic "
                 "motion") for k in numbers)]
     run_time = 300.0 * design.exponents * 0.06  # s, about: a derivative takes some fifteen restarted turns
-    settled = tuple((visit.motion.turns, visit.states[-1]) for visit in seen)
+    settled = tuple((visit.motion.turns, visit.states[-1]) for visit in visits)
     return computed(Study(
         "motions measured", design.document(), fields, partial(exponents_of, design, settled),
         run_time, design.visits, _BLOCK), folder, execution)
@@ -275,8 +265,8 @@ class Diagram:
         exponent = self.value_of("exponent_1", visit.number)
         return None if math.isnan(exponent) else sign_of(exponent, self.value_of("spread_1", visit.number))
 
-    def differ(self) -> list[bool]:
-        """Whether the motions found upwards and downwards are both settled and different, for each value."""
+    def has_two_motions(self) -> list[bool]:
+        """Whether the motions that were found upwards and downwards are settled and different, for each value."""
         return [up.settled and down.settled and not up.motion.is_same(down.motion)
                 for up, down in zip(self.of(UP), self.of(DOWN), strict=True)]
 
@@ -290,25 +280,27 @@ class Diagram:
 
     def hysteresis(self) -> list[list[int]]:
         """Regions of hysteresis: runs of indices of values at which the two directions found different motions."""
-        two = self.differ()
-        return [list(places) for is_two, places in itertools.groupby(range(len(two)), two.__getitem__) if is_two]
+        two_motions = self.has_two_motions()
+        return [list(indices) for is_two, indices in itertools.groupby(range(len(two_motions)), two_motions.__getitem__)
+                if is_two]
 
     def ranges(self) -> list[list[VisitedValue]]:
-        """Runs of visits of neighbouring values, with equal direction, period and presence of hysteresis."""
-        two, runs = self.differ(), []
+        """Runs of visits at neighbouring values with equal direction, period and number of motions."""
+        two_motions, runs = self.has_two_motions(), []
         for direction in (UP, DOWN):
-            keys = [(self.kind(visit), is_two) for visit, is_two in zip(self.of(direction), two, strict=True)]
-            for _, places in itertools.groupby(range(len(two)), keys.__getitem__):
-                runs.append([self.of(direction)[place] for place in places])
+            rows = zip(self.of(direction), two_motions, strict=True)
+            for _, run in itertools.groupby(rows, lambda row: (self.kind(row[0]), row[1])):
+                runs.append([visit for visit, _ in run])
         return runs
 
 
 def values_table(diagram: Diagram, states: pa.Table) -> bytes:
     """Return a Parquet file with one row for each visit, from the table of all states."""
-    design, two, measured = diagram.design, diagram.differ(), diagram.exponents
+    design, two_motions, measured = diagram.design, diagram.has_two_motions(), diagram.exponents
     _, first = np.unique(states["visit"].to_numpy(), return_index=True)
     table = states.drop_columns(["cut", *design.names]).take(first)
-    table = table.append_column("two_motions", pa.array([two[design.place(number)] for number in range(design.visits)]))
+    table = table.append_column("two_motions", pa.array(
+        [two_motions[design.index(number)] for number in range(design.visits)]))
     if measured is not None:
         table = table.set_column(table.column_names.index("period"), "period", measured["period"])
         for name in measured.column_names[2:]:
@@ -320,12 +312,33 @@ _MOST_RANGES = 40  # rows of the printed table; the files contain all
 
 
 def in_words(diagram: Diagram) -> Iterator[str]:
-    """Yield the results as lines of text: a table of ranges, then the regions of hysteresis."""
+    """Yield the results as lines of text: a table of ranges, the regions of hysteresis, and what remains unknown."""
     design, name = diagram.design, diagram.design.axis.name
     unit = PARAMETERS[name].unit
-    yield (f"{'':5} {figures.of_parameter(name):>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} "
+    yield from _table_of_ranges(diagram)
+    regions = diagram.hysteresis()
+    for indices in regions:
+        where = _between([float(design.axis.values[index]) for index in indices], ".6g")
+        yield f"hysteresis: {where} {unit}".rstrip() + f" ({len(indices)} value{'s' * (len(indices) > 1)})"
+    if not regions:
+        yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
+    unknown = dict.fromkeys(f"{design.value(visit.number):.6g}" for visit in diagram.visits if diagram.sign(visit) == 0)
+    if unknown:
+        yield (f"sign of the largest exponent not known, 0 lies within its interval: at {', '.join(unknown)}"
+               f"{f' {unit}' if unit else ''}")
+    fastest = max(diagram.visits, key=lambda visit: abs(visit.motion.mean_speed))
+    if edge := at_the_edge("the largest mean speed", ends_at({name: design.axis.values}, design.index(fastest.number))):
+        yield edge
+    if unsettled := sum(not visit.settled for visit in diagram.visits):
+        yield (f"not settled: {unsettled} of {design.visits} visits within {design.most_turns} turns, of which nothing "
+               "is said about hysteresis; give more --most-turns, or dampers")
+
+
+def _table_of_ranges(diagram: Diagram) -> Iterator[str]:
+    """Yield the lines of a table with period, mean speed and exponent of each range."""
+    design, ranges = diagram.design, diagram.ranges()
+    yield (f"{'':5} {figures.of_parameter(design.axis.name):>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} "
            f"{'largest exponent [1/s]':>30}")
-    ranges = diagram.ranges()
     for visits in ranges[:_MOST_RANGES]:
         numbers = [visit.number for visit in visits]
         where = _between([design.value(number) for number in numbers], ".6g")
@@ -335,23 +348,6 @@ def in_words(diagram: Diagram) -> Iterator[str]:
                f"{exponents:>30}").rstrip()
     if len(ranges) > _MOST_RANGES:
         yield f"and {len(ranges) - _MOST_RANGES} ranges more; the files hold all"
-    regions = diagram.hysteresis()
-    for places in regions:
-        where = _between([float(design.axis.values[place]) for place in places], ".6g")
-        yield f"hysteresis: {where} {unit}".rstrip() + f" ({len(places)} value{'s' * (len(places) > 1)})"
-    if not regions:
-        yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
-    unknown = dict.fromkeys(f"{design.value(visit.number):.6g}" for visit in diagram.visits if diagram.sign(visit) == 0)
-    if unknown:
-        yield (f"sign of the largest exponent not known, 0 lies within its interval: at {', '.join(unknown)}"
-               f"{f' {unit}' if unit else ''}")
-    fastest = max(diagram.visits, key=lambda visit: abs(visit.motion.mean_speed))
-    if edge := at_the_edge("the largest mean speed", ends_at({name: design.axis.values}, design.place(fastest.number))):
-        yield edge
-    unsettled = sum(not visit.settled for visit in diagram.visits)
-    if unsettled:
-        yield (f"not settled: {unsettled} of {design.visits} visits within {design.most_turns} turns, of which nothing "
-               "is said about hysteresis; give more --most-turns, or dampers")
 
 
 def _exponents(diagram: Diagram, numbers: Sequence[int]) -> str:
@@ -377,10 +373,10 @@ _COLOURS = {UP: figures.BLUE, DOWN: figures.VERMILION}
 _MARKS: dict[str, dict[str, Any]] = {
     UP: {"marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.8},
     DOWN: {"marker": ".", "markeredgewidth": 0.0}}
-_SHADE = "#e4e4e4"
+_HYSTERESIS_COLOUR = "#e4e4e4"
 _FAINT = 0.3  # opacity of the many states of a motion without a period
-_WIDTH, _STATES, _PANEL = 9.0, 3.8, 1.8  # in
-_MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: `_CROWD` / number of values, within these limits
+_WIDTH, _STATES_HEIGHT, _PANEL_HEIGHT = 9.0, 3.8, 1.8  # in
+_SMALLEST_MARK, _LARGEST_MARK, _ALL_MARKS = 2.0, 5.0, 450.0  # pt: a mark has its share of the last, within the limits
 
 
 @figures.default_settings()
@@ -388,7 +384,7 @@ def draw_diagram(diagram: Diagram) -> bytes:
     """Draw a diagram; returns a PNG file."""
     design = diagram.design
     panels = [_draw_states, _draw_speed] + [_draw_exponents] * bool(design.exponents)
-    heights = [_STATES, *[_PANEL] * (len(panels) - 1)]
+    heights = [_STATES_HEIGHT, *[_PANEL_HEIGHT] * (len(panels) - 1)]
     figure = figures.new_figure(_WIDTH, sum(heights), 100)
     rows = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     for axes, draw in zip(rows, panels, strict=True):
@@ -403,14 +399,14 @@ def draw_diagram(diagram: Diagram) -> bytes:
 
 def _draw_states(axes: figures.Axes, diagram: Diagram) -> None:
     design = diagram.design
-    column, size = design.names.index(design.coordinate), _size(diagram)
+    column, size = design.names.index(design.coordinate), _mark_size(diagram)
     for direction in (UP, DOWN):
         for is_periodic, opacity in ((False, _FAINT), (True, 1.0)):
             visits = [visit for visit in diagram.of(direction) if bool(visit.motion.turns) == is_periodic]
-            places = [design.value(visit.number) for visit in visits for _ in visit.states]
-            states = [1e3 * value for visit in visits for value in visit.states[:, column]]
+            values = [design.value(visit.number) for visit in visits for _ in visit.states]
+            states = [1e3 * state for visit in visits for state in visit.states[:, column]]
             share = 1.0 if is_periodic and direction == UP else 0.8
-            axes.plot(places, states, linestyle="none", ms=share * size, alpha=opacity, color=_COLOURS[direction],
+            axes.plot(values, states, linestyle="none", ms=share * size, alpha=opacity, color=_COLOURS[direction],
                       **_MARKS[direction if is_periodic else DOWN])
         axes.plot([], [], linestyle="none", ms=6, label=f"{direction}wards", color=_COLOURS[direction],
                   **_MARKS[direction])
@@ -418,34 +414,33 @@ def _draw_states(axes: figures.Axes, diagram: Diagram) -> None:
     axes.legend(fontsize=9, frameon=False, ncols=2, loc="best")
 
 
-def _size(diagram: Diagram) -> float:
-    return min(_MOST, max(_LEAST, _CROWD / len(diagram.design.axis.values)))
+def _mark_size(diagram: Diagram) -> float:
+    return min(_LARGEST_MARK, max(_SMALLEST_MARK, _ALL_MARKS / len(diagram.design.axis.values)))
 
 
 def _draw_speed(axes: figures.Axes, diagram: Diagram) -> None:
     for direction in (UP, DOWN):
-        _draw_line(axes, diagram, direction, [1e3 * visit.motion.mean_speed for visit in diagram.of(direction)])
+        speeds = np.array([visit.motion.mean_speed for visit in diagram.of(direction)])
+        _draw_line(axes, diagram, direction, 1e3 * speeds)
     axes.set_ylabel("mean speed [mm/s]")
 
 
 def _draw_exponents(axes: figures.Axes, diagram: Diagram) -> None:
     """Draw the largest exponent with its interval, and the second one as a thin line."""
     for direction in (UP, DOWN):
-        for column, share in (("exponent_1", 1.0), ("exponent_2", 0.4)):
-            if diagram.exponents is not None and column in diagram.exponents.column_names:
-                values = [diagram.value_of(column, visit.number) for visit in diagram.of(direction)]
-                values = [value if np.isfinite(value) else np.nan for value in values]
-                _draw_line(axes, diagram, direction, values, share)
-                if share == 1.0:
-                    spreads = [diagram.value_of("spread_1", visit.number) for visit in diagram.of(direction)]
-                    axes.errorbar(diagram.design.axis.values, values, yerr=spreads, fmt="none", lw=0.8,
-                                  color=_COLOURS[direction])
+        rows = np.array([[diagram.value_of(column, visit.number) for visit in diagram.of(direction)]
+                         for column in ("exponent_1", "exponent_2", "spread_1")])
+        largest, second, spreads = np.where(np.isfinite(rows), rows, np.nan)
+        _draw_line(axes, diagram, direction, largest)
+        _draw_line(axes, diagram, direction, second, 0.4)
+        axes.errorbar(diagram.design.axis.values, largest, yerr=spreads, fmt="none", lw=0.8, color=_COLOURS[direction])
     axes.axhline(0.0, color="black", lw=0.8)
     axes.set_ylabel("two largest exponents\n[1/s]")
 
 
-def _draw_line(axes: figures.Axes, diagram: Diagram, direction: str, values: list[float], share: float = 1.0) -> None:
-    axes.plot(diagram.design.axis.values, values, ms=share * _size(diagram), lw=0.8 * share, alpha=0.4 + 0.6 * share,
+def _draw_line(axes: figures.Axes, diagram: Diagram, direction: str, values: np.ndarray, share: float = 1.0) -> None:
+    size, opacity = share * _mark_size(diagram), 0.4 + 0.6 * share
+    axes.plot(diagram.design.axis.values, values, ms=size, lw=0.8 * share, alpha=opacity,
               color=_COLOURS[direction], **_MARKS[direction])
 
 
@@ -453,8 +448,8 @@ def _shade(axes: figures.Axes, diagram: Diagram) -> None:
     """Shade regions of hysteresis grey, up to halfway to the neighbouring values."""
     values = np.array(diagram.design.axis.values, dtype=float)
     middles = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
-    for places in diagram.hysteresis():
-        axes.axvspan(middles[places[0]], middles[places[-1] + 1], color=_SHADE, zorder=0, lw=0.0)
+    for indices in diagram.hysteresis():
+        axes.axvspan(middles[indices[0]], middles[indices[-1] + 1], color=_HYSTERESIS_COLOUR, zorder=0, lw=0.0)
 
 
 VISITS, EXPONENTS = "visits", "exponents"
@@ -464,9 +459,9 @@ _MOST_TURNS, _EXPONENTS = 4096, 100
 
 
 def _results(design: DiagramDesign, folder: Path, execution: Execution) -> Iterator[Results]:
-    states, seen = visit_table(design, folder / VISITS)
-    periods = period_table(design, seen, folder / EXPONENTS, execution) if design.exponents else None
-    diagram = Diagram(design, seen, periods)
+    states, visits = visit_table(design, folder / VISITS)
+    periods = period_table(design, visits, folder / EXPONENTS, execution) if design.exponents else None
+    diagram = Diagram(design, visits, periods)
     yield Results({STATES: file_of(states), VALUES: values_table(diagram, states),
                    PICTURE: draw_diagram(diagram)}, in_words(diagram))
 

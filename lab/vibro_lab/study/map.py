@@ -240,9 +240,9 @@ def _measured(turn_map: TurnMap, motion: SettledMotion, settings: MapSettings
     device.set_state(crank_angle=turn_map.phase, **dict(zip(turn_map.names, motion.states[-1] * turn_map.units,
                                                              strict=True)))
     period = turn_map.turn_time(motion.states[-1], turns)
-    seen = observed(device, (WORK, REST), Window(0.0, period, turns, turns * period))
-    landings = round(float(np.sum(seen.events["kind"] == "landing")) * motion.turns / turns)
-    speed, cost, standing, airborne = (MEASURES[name].value(seen) for name in (
+    observation = observed(device, (WORK, REST), Window(0.0, period, turns, turns * period))
+    landings = round(float(np.sum(observation.events["kind"] == "landing")) * motion.turns / turns)
+    speed, cost, standing, airborne = (MEASURES[name].value(observation) for name in (
         "mean_speed", "cost_of_transport", "stick_share", "air_share"))
     return landings, speed if motion.turns else motion.mean_speed, cost, standing, airborne
 
@@ -306,8 +306,8 @@ def shares(design: MapDesign, distinct: Sequence[VisitedCell], execution: Execut
     known = tuple([distinct[number] for number in numbers] for numbers in several)
     histories, share = design.settings.histories, np.full(len(distinct), math.nan)
     with Progress("random starts of cells with several motions", "cell", len(known)) as progress, closing(
-            execution.rows(partial(_led, design, known), range(len(known)), histories * _LONGEST_SETTLING)) as led:
-        for numbers, counts in zip(several, led, strict=True):
+            execution.rows(partial(_led, design, known), range(len(known)), histories * _LONGEST_SETTLING)) as results:
+        for numbers, counts in zip(several, results, strict=True):
             share[numbers] = np.array(counts) / histories
             progress.add(1)
     return share
@@ -325,9 +325,9 @@ def _led(design: MapDesign, known: Sequence[Sequence[VisitedCell]], number: int)
             stroboscope.begin_with(steady_start(turn_map.scene, start))
             if motion := settle(stroboscope, most=settings.most_turns):
                 turns = motion.turns if motion.turns <= settings.longest_period else 0
-                place = number_among(replace(motion, turns=turns), motions_of_cell)
-                if place is not None:
-                    counts[place] += 1
+                index = number_among(replace(motion, turns=turns), motions_of_cell)
+                if index is not None:
+                    counts[index] += 1
     return counts
 
 
@@ -365,10 +365,10 @@ def map_in_words(motion_map: MotionMap, visits: list[VisitedCell]) -> list[str]:
     unsettled = sum(visit.turns == UNSETTLED for visit in visits)
     number, slowest = int(np.argmax(np.abs(mean_speed))), float(mean_speed[np.argmin(np.abs(mean_speed))])
     fastest = motion_map.motions[number]
-    place = (f"{design.speeds.values[fastest.speed_index]:g} rad/s, gap "
+    where = (f"{design.speeds.values[fastest.speed_index]:g} rad/s, gap "
              f"{design.gaps.values[fastest.gap_index] * 1e3:g} mm")
     if not math.isnan(share[number]):
-        place += f", {round(share[number] * histories)} of {histories} random starts"
+        where += f", {round(share[number] * histories)} of {histories} random starts"
     share_of_fastest = motion_map.of_fastest(share)  # NaN for the only motion of a cell, which is not counted
     return [
         f"{len(cells)} of {design.speeds.count * design.gaps.count} cells have a motion, "
@@ -378,7 +378,7 @@ def map_in_words(motion_map: MotionMap, visits: list[VisitedCell]) -> list[str]:
         f"cells, and none of them in {np.sum(share_of_fastest == 0.0)}",
         f"{np.mean(motion_map.periods > 0):.0%} of what was found repeats itself within "
         f"{design.settings.longest_period} turns",
-        f"mean speeds from {slowest * 1e3:.1f} to {fastest.mean_speed * 1e3:.1f} mm/s ({place}); "
+        f"mean speeds from {slowest * 1e3:.1f} to {fastest.mean_speed * 1e3:.1f} mm/s ({where}); "
         f"{np.sum(mean_speed > 0.0)} go forwards",
     ]
 

@@ -96,11 +96,11 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, begi
     if checkpoint is None:
         return math.nan, airborne
     stands = np.isin(kinds, _STICK_EVENTS)
-    open_ones = np.flatnonzero(np.isin(kinds, _NEUTRAL_EVENTS) & (lengths > 0.0))
-    if len(open_ones):
+    undetermined = np.flatnonzero(np.isin(kinds, _NEUTRAL_EVENTS) & (lengths > 0.0))
+    if len(undetermined):
         device.restore(checkpoint)
-        middles = times[open_ones] + lengths[open_ones] / 2.0
-        stands[open_ones] = device.sample(np.maximum(middles, begin_state.time)).body_velocity == 0.0
+        middles = times[undetermined] + lengths[undetermined] / 2.0
+        stands[undetermined] = device.sample(np.maximum(middles, begin_state.time)).body_velocity == 0.0
     return float(lengths[stands].sum()), airborne
 
 
@@ -150,40 +150,41 @@ def device_at_start(scene: Scene, start: int | None) -> Simulator:
     return Simulator(scene) if start is None else drawn_start(scene, start)
 
 
-def observe(scene: Scene, wanted: Collection[str], settling: float, duration: float, start: int | None) -> Observation:
-    """Run `scene` once and gather the `wanted` data: any of `WORK`, `REST`, `LOAD`, `MOTION`; times [s] as in `window`.
+def observe(scene: Scene, requested: Collection[str], settling: float, duration: float, start: int | None
+            ) -> Observation:
+    """Run `scene` once and gather the `requested` data, any of `WORK`, `REST`, `LOAD`, `MOTION`; times as in `window`.
     """
     exact = scene["solver.method"] == "exact"
-    accounts = WORK in wanted and exact
+    accounts = WORK in requested and exact
     device = device_at_start(scene.with_parameters({"solver.accounts": True}) if accounts else scene, start)
     device.advance_to(settling)
     if not (scene.has_rotor and exact):
-        return observed(device, wanted, window(scene, settling, duration))
+        return observed(device, requested, window(scene, settling, duration))
     checkpoint = device.checkpoint()
     measured = _window_of_dc_motor(device, duration)
     device.restore(checkpoint)
-    return observed(device, wanted, measured)
+    return observed(device, requested, measured)
 
 
-def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Observation:
-    """Advance a device from the first instant of a measuring time to its end, and gather the `wanted` data.
+def observed(device: Simulator, requested: Collection[str], measured: Window) -> Observation:
+    """Advance a device from the first instant of a measuring time to its end, and gather the `requested` data.
 
     The work is that of its `solver.accounts`.
     """
     device.take_events()
     scene, begin_state = device.scene, device.state
-    checkpoint = device.checkpoint() if {REST, LOAD} & set(wanted) else None
-    accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
-    booked = _account_energies(device) if accounts else np.full(4, math.nan)
+    checkpoint = device.checkpoint() if {REST, LOAD} & set(requested) else None
+    accounts = WORK in requested and scene["solver.accounts"] and scene["solver.method"] == "exact"
+    earlier = _account_energies(device) if accounts else np.full(4, math.nan)
     steady = bool(measured.ends) or begin_state.motor_speed == scene["motor.speed"] != 0.0
-    cuts, drift = _cuts(device, measured) if MOTION in wanted and steady else (None, math.nan)
+    cuts, drift = _cuts(device, measured) if MOTION in requested and steady else (None, math.nan)
     device.advance_to(measured.end)
     end_state, events = device.state, device.take_events()
-    delivered, taken_back, supplied, heated = (_account_energies(device) - booked if accounts else booked).tolist()
-    standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, begin_state, events,
+    delivered, taken_back, supplied, heated = (_account_energies(device) - earlier if accounts else earlier).tolist()
+    standing, airborne = standing_and_airborne(device, checkpoint if REST in requested else None, begin_state, events,
                                                measured.end)
     mean_load = unloaded_share = math.nan
-    if LOAD in wanted and checkpoint is not None:
+    if LOAD in requested and checkpoint is not None:
         device.restore(checkpoint)
         mean_load, unloaded_share = loads_of(device, measured)
     return Observation(
@@ -271,23 +272,23 @@ class Measure(NamedTuple):
     value: Callable[[Observation], float]  # returns its value from an `Observation`
 
 
-def _speed(seen: Observation) -> float:
-    return seen.displacement / seen.window.duration
+def _speed(run: Observation) -> float:
+    return run.displacement / run.window.duration
 
 
-def _power(seen: Observation) -> float:
-    return (seen.delivered - seen.taken_back) / seen.window.duration
+def _power(run: Observation) -> float:
+    return (run.delivered - run.taken_back) / run.window.duration
 
 
-def _delivered_power(seen: Observation) -> float:
-    return seen.delivered / seen.window.duration
+def _delivered_power(run: Observation) -> float:
+    return run.delivered / run.window.duration
 
 
-def _current_share(seen: Observation) -> float:
-    if not seen.scene.has_rotor:
+def _current_share(run: Observation) -> float:
+    if not run.scene.has_rotor:
         return math.nan
-    mean_square = max(seen.heated, 0.0) / seen.scene["motor.winding_resistance"] / seen.window.duration
-    return math.sqrt(mean_square) / seen.scene["motor.continuous_current"]
+    mean_square = max(run.heated, 0.0) / run.scene["motor.winding_resistance"] / run.window.duration
+    return math.sqrt(mean_square) / run.scene["motor.continuous_current"]
 
 
 def _ratio(over: float, under: float) -> float:
@@ -296,29 +297,29 @@ def _ratio(over: float, under: float) -> float:
     return ratio if math.isfinite(ratio) else math.nan
 
 
-def _cost(power: float, seen: Observation) -> float:
-    weight = seen.scene.total_mass * seen.scene["gravity"]
-    return _ratio(power, weight * abs(_speed(seen))) if power > 0.0 else math.nan
+def _cost(power: float, run: Observation) -> float:
+    weight = run.scene.total_mass * run.scene["gravity"]
+    return _ratio(power, weight * abs(_speed(run))) if power > 0.0 else math.nan
 
 
 def _impacts(side: str) -> Callable[[Observation], float]:
-    return lambda seen: _ratio(float(np.sum(seen.events["kind"] == f"{side}_contact")), seen.turns)
+    return lambda run: _ratio(float(np.sum(run.events["kind"] == f"{side}_contact")), run.turns)
 
 
 def _peak_force(side: str) -> Callable[[Observation], float]:
-    def largest(seen: Observation) -> float:
-        if seen.scene[f"effects.{side}_contact"] == "restitution":
+    def largest(run: Observation) -> float:
+        if run.scene[f"effects.{side}_contact"] == "restitution":
             return math.nan
-        return float(seen.events["peak_force"][seen.events["kind"] == f"{side}_contact"].max(initial=0.0))
+        return float(run.events["peak_force"][run.events["kind"] == f"{side}_contact"].max(initial=0.0))
 
     return largest
 
 
-def _period(seen: Observation) -> float:
+def _period(run: Observation) -> float:
     """Turns after which the motion repeats itself; 0 for no period, NaN if unknown."""
-    if seen.cuts is None or not seen.steady or len(seen.cuts) < LEAST_CUTS:
+    if run.cuts is None or not run.steady or len(run.cuts) < LEAST_CUTS:
         return math.nan
-    return float(period_in(seen.cuts, seen.scene))
+    return float(period_in(run.cuts, run.scene))
 
 
 _NO_ACCOUNTS = "NaN by a method of fixed step"
@@ -337,17 +338,17 @@ MEASURES: dict[str, Measure] = {
     "delivered_power": Measure("W", "mean of the motor's power where it is positive: what the springs return is lost; "
                                f"{_NO_ACCOUNTS}", (WORK,), _delivered_power),
     "supply_power": Measure("W", f"mean of what the supply gives to a dc motor; {_NO_WINDING}", (WORK,),
-                            lambda seen: seen.supplied / seen.window.duration),
+                            lambda run: run.supplied / run.window.duration),
     "current_share": Measure("1", "rms current of a dc motor over motor.continuous_current; above 1 its winding "
                              f"overheats in the long run; {_NO_WINDING}", (WORK,), _current_share),
     "speed_per_power": Measure("m/J", f"mean_speed / mean_power, V/P; {_NO_POWER}", (WORK,),
-                               lambda seen: _ratio(_speed(seen), _power(seen))),
+                               lambda run: _ratio(_speed(run), _power(run))),
     "speed_per_delivered_power": Measure("m/J", f"mean_speed / delivered_power; {_NO_POWER}", (WORK,),
-                                         lambda seen: _ratio(_speed(seen), _delivered_power(seen))),
+                                         lambda run: _ratio(_speed(run), _delivered_power(run))),
     "cost_of_transport": Measure("1", f"mean_power / (M g abs(mean_speed)); {_NO_POWER}, or the body stays where it is,"
-                                 " or without gravity", (WORK,), lambda seen: _cost(_power(seen), seen)),
+                                 " or without gravity", (WORK,), lambda run: _cost(_power(run), run)),
     "delivered_cost_of_transport": Measure("1", "the same with delivered_power", (WORK,),
-                                           lambda seen: _cost(_delivered_power(seen), seen)),
+                                           lambda run: _cost(_delivered_power(run), run)),
     "upper_impacts": Measure("1", "contacts of the upper mass with its plate that ended, a turn of the crank; NaN if "
                              "the crank stands", (), _impacts("upper")),
     "inclined_impacts": Measure("1", "the same of the inclined mass", (), _impacts("inclined")),
@@ -355,25 +356,25 @@ MEASURES: dict[str, Measure] = {
                                 "a rigid plate", (), _peak_force("upper")),
     "inclined_peak_force": Measure("N", "the same on the inclined plate", (), _peak_force("inclined")),
     "stick_share": Measure("1", "share of the time in which the body stands still on the ground", (REST,),
-                           lambda seen: seen.standing / seen.window.duration),
+                           lambda run: run.standing / run.window.duration),
     "air_share": Measure("1", "share of the time in which the body is in the air (rule hop)", (),
-                         lambda seen: seen.airborne / seen.window.duration),
+                         lambda run: run.airborne / run.window.duration),
     "mean_load": Measure("1", "mean N over the weight: 1 in every steady motion on a real ground, more if the rule "
                          "unilateral holds the body down; NaN without gravity", (LOAD,),
-                         lambda seen: seen.mean_load),
+                         lambda run: run.mean_load),
     "unloaded_share": Measure("1", f"share of {_LOADS_PER_TURN} instants a turn at which N is not above 0; NaN without "
-                              "gravity", (LOAD,), lambda seen: seen.unloaded_share),
+                              "gravity", (LOAD,), lambda run: run.unloaded_share),
     "period": Measure("1", "turns of the crank after which the motion repeats itself at the end of the time, by the "
                       f"criterion of settled_motion; 0 without a period of up to {LONGEST_PERIOD} turns and up to a "
                       f"quarter of the measured turns, or if the motion has not settled; NaN if the motor stands or "
                       f"changes its commanded speed, or for less than {LEAST_CUTS + 1} turns", (MOTION,), _period),
     EXPONENT: Measure("1/s", "largest Lyapunov exponent, from pairs of runs that begin 1e-10 apart and are followed "
                       "until they are 1e-4 m apart; 0 if no pair separates, NaN for less than six turns", (),
-                      lambda seen: math.nan),
+                      lambda run: math.nan),
     SPREAD: Measure("1/s", "half of the 95 % interval of lyapunov_exponent, with which it always comes, from up to ten "
                     "parts of the time; if no pair separates, the largest exponent that could not be detected; if 0 "
                     "lies within the interval, the sign is not known", (),
-                    lambda seen: math.nan),
+                    lambda run: math.nan),
 }
 """Every measure by its name."""
 
@@ -382,8 +383,8 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
     """Return the names of measures without repetition; the exponent is followed by its interval."""
     for name in names:
         if name not in MEASURES:
-            near = difflib.get_close_matches(name, MEASURES, n=1)
-            remedy = ("separate them by spaces" if "," in name else f"did you mean {near[0]}?" if near else
+            similar = difflib.get_close_matches(name, MEASURES, n=1)
+            remedy = ("separate them by spaces" if "," in name else f"did you mean {similar[0]}?" if similar else
                       f"measures are {', '.join(MEASURES)}")
             raise ValueError(f"{name or repr(name)}: no such measure; {remedy}")
     if not names:
@@ -414,9 +415,9 @@ class MeasuredStart(NamedTuple):
 def measure_with_motion(scene: Scene, names: Collection[str], settling: float, duration: float,
                         start: int | None) -> MeasuredStart:
     """As `measure`, and also return the motion that the start has settled to, and the drift of its speed."""
-    values, seen = _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset({MOTION}))
-    motion = None if seen.cuts is None or not seen.steady else motion_of(seen.cuts, _speed(seen), scene)
-    return MeasuredStart(values, motion, seen.drift)
+    values, run = _measured(scene, checked_names(tuple(names)), settling, duration, start, frozenset({MOTION}))
+    motion = None if run.cuts is None or not run.steady else motion_of(run.cuts, _speed(run), scene)
+    return MeasuredStart(values, motion, run.drift)
 
 
 def drift_in(drifts: np.ndarray, speed: float) -> float:
@@ -433,9 +434,9 @@ def drift_in(drifts: np.ndarray, speed: float) -> float:
 def _measured(scene: Scene, names: tuple[str, ...], settling: float, duration: float, start: int | None,
               needs: frozenset[str]) -> tuple[dict[str, float], Observation]:
     checked_times(settling, duration, start is not None)
-    seen = observe(scene, needs.union(*(MEASURES[name].needs for name in names)), settling, duration, start)
-    values = {name: MEASURES[name].value(seen) for name in names}
+    run = observe(scene, needs.union(*(MEASURES[name].needs for name in names)), settling, duration, start)
+    values = {name: MEASURES[name].value(run) for name in names}
     if EXPONENT in names:
         values.update(zip(LYAPUNOV, exponent_of_pairs(
-            device_at_start(scene, start), settling, seen.window.duration), strict=True))
-    return values, seen
+            device_at_start(scene, start), settling, run.window.duration), strict=True))
+    return values, run

@@ -242,11 +242,11 @@ def searched(plan: SearchPlan, execution: Execution) -> Candidates:
                 for point, robot in zip(group, values[first:], strict=True)]
 
     with Progress("search", "robot", plan.effort.budget) as progress:
-        for place, weight in enumerate(weights):
+        for number, weight in enumerate(weights):
             cma.fmin2(None, np.full(len(plan.variables), 0.5), _SIGMA, {
                 "bounds": [0.0, 1.0], "verbose": -9, "verb_log": 0, "tolx": _FINE, "tolfunrel": _FINE,
                 "eval_final_mean": False, "maxfevals": max(1, plan.effort.budget // len(weights)),
-                "seed": plan.seed + 1 + 1000 * place},  # cma takes 0 for a seed of the clock
+                "seed": plan.seed + 1 + 1000 * number},  # cma takes 0 for a seed of the clock
                 parallel_objective=partial(losses, weight, progress), restarts=_RESTARTS)
     return Candidates(np.array(points), np.array(values))
 
@@ -254,10 +254,10 @@ def searched(plan: SearchPlan, execution: Execution) -> Candidates:
 def chosen(plan: SearchPlan, candidates: Candidates, execution: Execution) -> np.ndarray:
     """Return the point that is best from other starts among the best of the search, whose scores were partly luck."""
     scores, finalists = np.array([plan.score(values) for values in candidates.values]), list[np.ndarray]()
-    for place in np.argsort(-scores, kind="stable"):
-        point = candidates.points[place]
-        if plan.speed(candidates.values[place]) > FAILED and len(finalists) < plan.effort.finalists and all(
-                np.abs(point - other).max() >= _APART for other in finalists):
+    for index in np.argsort(-scores, kind="stable"):
+        point = candidates.points[index]
+        if plan.speed(candidates.values[index]) > FAILED and len(finalists) < plan.effort.finalists and all(
+                np.abs(point - finalist).max() >= _APART for finalist in finalists):
             finalists.append(point)
     fresh = [plan.score(values) for values in values_of(plan, finalists, plan.effort.choosing, execution)]
     if not fresh or max(fresh) <= 0.0:
@@ -289,26 +289,26 @@ def front_of(plan: SearchPlan, candidates: Candidates, execution: Execution) -> 
 
 def non_dominated(pairs: np.ndarray) -> list[int]:
     """Indices of the pairs (speed, cost) that no other dominates, the slowest first, with speed > 0 and finite cost."""
-    kept, cheapest = list[int](), math.inf
-    for place in sorted(range(len(pairs)), key=lambda k: (-pairs[k][0], pairs[k][1])):
-        if pairs[place][0] > 0.0 and pairs[place][1] < cheapest:
-            kept.append(place)
-            cheapest = pairs[place][1]
-    return kept[::-1]
+    indices, cheapest = list[int](), math.inf
+    for index in sorted(range(len(pairs)), key=lambda k: (-pairs[k][0], pairs[k][1])):
+        if pairs[index][0] > 0.0 and pairs[index][1] < cheapest:
+            indices.append(index)
+            cheapest = pairs[index][1]
+    return indices[::-1]
 
 
 def readings(scene: Scene) -> dict[str, Scene]:
     """Scenes for the verification by their descriptions: the scene itself, and variants with other effects or start."""
     other_start = "zero" if scene["start.state"] == "rest" else "rest"
-    others: dict[str, dict[str, Any]] = {
+    changes_of_readings: dict[str, dict[str, Any]] = {
         "the body is held on the ground by decree (`unilateral`)": {"effects.normal_force": "unilateral"},
         f"drawn starts that begin from `{other_start}`": {"start.state": other_start},
         "every effect of `device`": {name: value for name, value in load_scene("device").parameters.items()
                                      if name.startswith("effects.")}}
     scenes = {f"as sought (`{scene.name}`)": scene}
-    for words, changes in others.items():
-        if (other := scene.with_parameters(changes)) not in scenes.values():
-            scenes[words] = other
+    for description, changes in changes_of_readings.items():
+        if (changed_scene := scene.with_parameters(changes)) not in scenes.values():
+            scenes[description] = changed_scene
     return scenes
 
 
@@ -318,11 +318,11 @@ def verified(scene: Scene, power: str, trials: Trials, execution: Execution) -> 
     runs = execution.rows(partial(_settled_at, tuple(scenes.values()), trials), range(len(scenes)),
                           trials.run_time)
     with closing(runs), Progress("verification", "reading", len(scenes)) as progress:
-        for (words, reading), starts in zip(scenes.items(), runs, strict=True):
+        for (description, reading_scene), starts in zip(scenes.items(), runs, strict=True):
             values, motions, drifts = map(list, zip(*starts, strict=True))
-            attractors, places = group_starts(motions, [row[0] for row in values])
-            rows += [_row(words, reading, attractor, np.array(values)[places == place],
-                          np.array(drifts)[places == place], power) for place, attractor in enumerate(attractors)]
+            attractors, indices = group_starts(motions, [row[0] for row in values])
+            rows += [_row(description, reading_scene, attractor, np.array(values)[indices == index],
+                          np.array(drifts)[indices == index], power) for index, attractor in enumerate(attractors)]
             progress.add(1)
     return rows
 
@@ -339,23 +339,23 @@ def _settled_at(scenes: tuple[Scene, ...], trials: Trials, number: int) -> list[
     return starts
 
 
-def _row(words: str, scene: Scene, attractor: Attractor, values: np.ndarray, drifts: np.ndarray, power: str
+def _row(description: str, scene: Scene, attractor: Attractor, values: np.ndarray, drifts: np.ndarray, power: str
          ) -> dict[str, Any]:
     """Row of an attractor from the values of its starts; means with half the 95 % interval, if the starts settled."""
     def mean(column: np.ndarray) -> dict[str, float]:
         return {"mean": float(column.mean()),
                 "spread": math.nan if attractor.turns is None else float(half_interval(column))}
 
-    paid, weight = values[:, POWERS[power]], scene.total_mass * scene["gravity"]
+    powers, weight = values[:, POWERS[power]], scene.total_mass * scene["gravity"]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio, speed = mean(np.abs(values[:, 0]) / paid), mean(values[:, 0])
-    pays = scene["effects.reaction"] and paid.mean() > 0.0 and speed["mean"] != 0.0 and weight > 0.0
+        ratio, speed = mean(np.abs(values[:, 0]) / powers), mean(values[:, 0])
+    has_cost = scene["effects.reaction"] and powers.mean() > 0.0 and speed["mean"] != 0.0 and weight > 0.0
     load, unloaded = values[:, len(MEASURED):].mean(axis=0).tolist()
-    return {"reading": words, "words": attractor.in_words(), "turns": attractor.turns, "starts": attractor.starts,
+    return {"reading": description, "words": attractor.in_words(), "turns": attractor.turns, "starts": attractor.starts,
             "share": attractor.share, "low": attractor.low, "high": attractor.high, "speed": speed,
             "least": attractor.least, "largest": attractor.largest, "power": mean(values[:, 1]),
             "delivered": mean(values[:, 2]), "supply": mean(values[:, SUPPLY]), "ratio": ratio,
-            "cost": float(paid.mean() / (weight * abs(speed["mean"]))) if pays else math.nan,
+            "cost": float(powers.mean() / (weight * abs(speed["mean"]))) if has_cost else math.nan,
             "drift": 0.0 if attractor.turns else drift_in(drifts, speed["mean"]),
             "load": load, "unloaded": unloaded, "air": float(values[:, AIR].mean())}
 
@@ -404,9 +404,9 @@ class Result:
 
     def numbers(self) -> bytes:
         """Return all results as JSON, in SI units; numbers that are not finite are null."""
-        whole = {"robots": len(self.candidates.points), "optimum": self.plan.parameters(self.point),
+        document = {"robots": len(self.candidates.points), "optimum": self.plan.parameters(self.point),
                  "verified": self.rows, "front": self.front}
-        return (json.dumps(finite(whole), indent=1, allow_nan=False) + "\n").encode()
+        return (json.dumps(finite(document), indent=1, allow_nan=False) + "\n").encode()
 
     def table(self) -> bytes:
         """Return a Parquet file with a row for each robot that was tried and each of its starts, in their order."""
@@ -415,8 +415,8 @@ class Result:
                   *(Field(name, pa.float64(), MEASURES[name].unit or "1", "NaN for a robot that cannot go on")
                     for name in MEASURED)]
         return file_of(table_of([
-            {"robot": place, **self.plan.parameters(point), **dict(zip(MEASURED, start, strict=True))}
-            for place, (point, values) in enumerate(zip(*self.candidates, strict=True)) for start in values.tolist()],
+            {"robot": number, **self.plan.parameters(point), **dict(zip(MEASURED, start, strict=True))}
+            for number, (point, values) in enumerate(zip(*self.candidates, strict=True)) for start in values.tolist()],
             fields))
 
     @figures.default_settings()
@@ -427,10 +427,10 @@ class Result:
         pairs = [self.plan.speed_and_cost(*robot) for robot in zip(*self.candidates, strict=True)]
         best = [(abs(row["speed"]["mean"]), row["cost"]) for row in self.rows
                 if row["reading"] == self.rows[0]["reading"] and row["cost"] > 0.0]
-        for shown, style, size, colour, label in (
+        for points, style, size, colour, label in (
                 (pairs, ".", 5.0, figures.SKY, "a robot of the search"), (best, "*", 9.0, figures.VERMILION, "optimum"),
                 ([(robot["speed"], robot["cost"]) for robot in self.front], "-o", 3.0, figures.BLACK, "front")):
-            drawn = np.array([pair for pair in shown if pair[0] > 1e-4 and math.isfinite(pair[1])]).reshape(-1, 2)
+            drawn = np.array([pair for pair in points if pair[0] > 1e-4 and math.isfinite(pair[1])]).reshape(-1, 2)
             axes.plot(1e3 * drawn[:, 0], drawn[:, 1], style, ms=size, color=colour, label=label)
         axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel="cost of transport P / (M g V)")
         axes.legend(frameon=False)
@@ -454,24 +454,24 @@ def _results(plan: SearchPlan, folder: Path, execution: Execution) -> Iterator[R
 def chosen_variables(fixed: Sequence[str], words: Sequence[str]) -> tuple[Range, ...]:
     """Return `VARIABLES` without the fixed ones, and with the bounds of the options `--vary` (ValueError)."""
     variables = {variable.name: variable for variable in VARIABLES}
-    ranges = {over.name: over for over in map(varied_in_words, words)}
+    ranges = {varied.name: varied for varied in map(varied_in_words, words)}
     for option, name in [*(("--fix", name) for name in fixed), *(("--vary", name) for name in ranges)]:
         if name not in variables:
             parameter_named(name, PARAMETERS)
             raise ValueError(f"{option} {name}: is not among the paper's parameters of F_opt, which are "
                              f"{', '.join(variables)}; write it into a scene file")
-    for word, (name, over) in zip(words, ranges.items(), strict=True):
-        if not isinstance(over, Range) or over.log:
+    for word, (name, varied) in zip(words, ranges.items(), strict=True):
+        if not isinstance(varied, Range) or varied.log:
             raise ValueError(f"--vary {word}: give NAME=LOW:HIGH, such as crank.radius=0.01:0.03")
         if name in fixed:
             raise ValueError(f"--vary {name}: is fixed as well; leave out --fix or --vary")
-        if variables[name].log and over.low <= 0.0:
+        if variables[name].log and varied.low <= 0.0:
             raise ValueError(f"--vary {word}: is varied in equal ratios; give bounds above 0 {PARAMETERS[name].unit}")
-        variables[name] = replace(variables[name], low=over.low, high=over.high)
-    kept = tuple(variable for name, variable in variables.items() if name not in fixed)
-    if not kept:
+        variables[name] = replace(variables[name], low=varied.low, high=varied.high)
+    chosen = tuple(variable for name, variable in variables.items() if name not in fixed)
+    if not chosen:
         raise ValueError("--fix: nothing is left to vary; fix fewer parameters")
-    return kept
+    return chosen
 
 
 def plan_of(options: argparse.Namespace) -> SearchPlan:

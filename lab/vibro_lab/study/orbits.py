@@ -1,9 +1,8 @@
 """``study orbits``: branches of periodic orbits over a parameter, and their special points.
 
 Orbits are searched for at some values of the parameter. The branch through each orbit that does not lie on a known
-branch is followed in both directions, then the branches of doubled period from period doublings
-(`followed_branches`). A branch is a block of a `table.Study`, with one row for each orbit or special point, in its
-order.
+branch is followed in both directions; afterwards the branches of doubled period are followed from period doublings
+(`followed_branches`). A branch is a block of a `table.Study`, with a row for each orbit or special point.
 """
 
 import argparse
@@ -97,21 +96,20 @@ def branch_of_task(plan: BranchPlan, task: BranchTask) -> Branch:
 
 def rows_of(branch: Branch) -> list[dict]:
     """Return the rows of a branch; one row with the reason if it has no orbit."""
-    def row(point: Any, value: float, multipliers: np.ndarray, other: dict) -> dict:
-        return {branch.name: value, "turns": branch.turns, "multipliers_real": multipliers.real,
-                "multipliers_imag": multipliers.imag, **point, **other}
+    def row(value: float, mean_speed: float, phase: float, state: Sequence[float] | np.ndarray,
+            multipliers: np.ndarray, **others: object) -> dict:
+        return {branch.name: value, "turns": branch.turns, "mean_speed": mean_speed, "phase": phase, "state": state,
+                "multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag, **others}
 
-    rows = [row({"mean_speed": branch.mean_speeds[k], "phase": branch.phases[k], "state": branch.states[k]},
-                branch.values[k], branch.multipliers[k],
-                {"stable": bool(branch.stable[k]), **{name: values[k] for name, values in branch.strobe.items()}})
+    rows = [row(branch.values[k], branch.mean_speeds[k], branch.phases[k], branch.states[k], branch.multipliers[k],
+                stable=bool(branch.stable[k]), **{name: values[k] for name, values in branch.strobe.items()})
             for k in range(len(branch))]
     for number, special in enumerate(branch.special_points):
         rows.insert(special.at + number, row(
-            {"mean_speed": special.mean_speed, "phase": special.phase, "state": special.state}, special.value,
-            special.multipliers,
-            {"kind": special.kind, "width": special.width, "change": special.change or None}))
+            special.value, special.mean_speed, special.phase, special.state, special.multipliers, kind=special.kind,
+            width=special.width, change=special.change or None))
     if not rows:
-        rows = [row({"mean_speed": math.nan, "phase": math.nan, "state": []}, math.nan, np.empty(0), {})]
+        rows = [row(math.nan, math.nan, math.nan, [], np.empty(0))]
     rows[-1]["end"] = branch.end
     return rows
 
@@ -178,67 +176,75 @@ _SAME_DOUBLING = 1e-6  # share of the range within which period doublings of two
 _JOINING_SHARE = 0.05
 
 
-def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> list[tuple[BranchTask, Branch]]:
-    """Return every branch of a plan with its task, by number, stored in a folder into which no other process writes."""
-    done: list[tuple[BranchTask, Branch]] = []
+FollowedBranches = list[tuple[BranchTask, Branch]]
+"""Tasks and their branches; the index is a branch's number."""
 
-    def follow(tasks: Sequence[BranchTask]) -> None:
-        numbered = dict(enumerate(tasks, len(done)))
-        if numbered and max(numbered) >= MOST_BRANCHES:
-            raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
 
-        def said(number: int) -> str:
-            task = numbered[number]
-            return (f"branch {number}: {_turns(task.turns)}, {task.direction} from {plan.name} = {task.value:.9g}, at "
-                    f"most {plan.points} orbits")
-
-        def rows_of_blocks(numbers: Iterable[int]) -> Rows:
-            for number in numbers:
-                say("study", said(number))
-            return execution.rows(study.rows, numbers, study.run_time)
-
-        study = study_of(plan, numbered)
-        tables = stored(study, folder, {number: [number] for number in numbered}, rows_of_blocks)
-        done.extend((task, branch_in(tables[number], plan.scene, plan.name)) for number, task in numbered.items())
-
+def followed_branches(plan: BranchPlan, folder: Path, execution: Execution) -> FollowedBranches:
+    """Return every branch of a plan with its task, stored in a folder into which no other process writes."""
     check_folder(study_of(plan, {}), folder)  # refuses files of another study before the search
+    followed: FollowedBranches = []
+    for value, seeds in zip(plan.begin, _searched_seeds(plan, execution), strict=True):
+        for seed in seeds:
+            family = plan.family(seed.turns, seed.phase)
+            if not any(lies_on(family, seed, value, branch) for _, branch in followed):
+                tasks = [BranchTask(direction, seed.turns, seed.phase, seed.state, value, None)
+                         for direction in (UP, DOWN)]
+                followed += _followed(plan, tasks, len(followed), folder, execution)
+    examined: set[tuple[int, int]] = set()
+    while tasks := _doublings(plan, followed, examined):
+        followed += _followed(plan, tasks, len(followed), folder, execution)
+    return followed
+
+
+def _searched_seeds(plan: BranchPlan, execution: Execution) -> list[list[Seed]]:
+    """Search for orbits at each of `plan.begin`."""
     seeds_of_values = list[list[Seed]]()
     with contextlib.closing(execution.rows(partial(seeds_at, plan), range(len(plan.begin)), _RUN_TIME)) as results, \
             Progress("orbits looked for", "value", len(plan.begin)) as bar:
         for seeds in results:
             seeds_of_values.append(seeds)
             bar.add(1)
-    for value, seeds in zip(plan.begin, seeds_of_values, strict=True):
-        for seed in seeds:
-            family = plan.family(seed.turns, seed.phase)
-            if not any(lies_on(family, seed, value, branch) for _, branch in done):
-                follow([BranchTask(direction, seed.turns, seed.phase, seed.state, value, None)
-                        for direction in (UP, DOWN)])
-    begun: set[tuple[int, int]] = set()
-    while tasks := _doublings(plan, done, begun):
-        follow(tasks)
-    return done
+    return seeds_of_values
 
 
-def _doublings(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]], begun: set[tuple[int, int]]
-               ) -> list[BranchTask]:
+def _followed(plan: BranchPlan, tasks: Sequence[BranchTask], first: int, folder: Path, execution: Execution
+              ) -> FollowedBranches:
+    """Return the branches of some tasks, which are numbered from `first` on; stored ones are read."""
+    numbered = dict(enumerate(tasks, first))
+    if max(numbered) >= MOST_BRANCHES:
+        raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
+    study = study_of(plan, numbered)
+
+    def rows_of_blocks(numbers: Iterable[int]) -> Rows:
+        for number in numbers:
+            task = numbered[number]
+            say("study", f"branch {number}: {_turns(task.turns)}, {task.direction} from {plan.name} = "
+                         f"{task.value:.9g}, at most {plan.points} orbits")
+        return execution.rows(study.rows, numbers, study.run_time)
+
+    tables = stored(study, folder, {number: [number] for number in numbered}, rows_of_blocks)
+    return [(task, branch_in(tables[number], plan.scene, plan.name)) for number, task in numbered.items()]
+
+
+def _doublings(plan: BranchPlan, followed: FollowedBranches, examined: set[tuple[int, int]]) -> list[BranchTask]:
     """Return tasks for the first period doubling of each branch whose branch of doubled period is not known yet.
 
-    `begun` has the numbers of the branches and special points that were examined before; new ones are added.
+    `examined` has the numbers of the branches and special points that were examined before; new ones are added.
     """
     tasks, span = list[BranchTask](), plan.high - plan.low
-    for parent, (_, branch) in enumerate(done):
+    for parent, (_, branch) in enumerate(followed):
         if 2 * branch.turns > plan.turns:
             continue
         for number, special in enumerate(branch.special_points):
-            if special.kind != DOUBLING or (parent, number) in begun:
+            if special.kind != DOUBLING or (parent, number) in examined:
                 continue
-            begun.add((parent, number))
+            examined.add((parent, number))
             is_known = any(task.direction == DOUBLED and task.turns == branch.turns
                            and abs(task.value - special.value) < _SAME_DOUBLING * span
-                           for task in (*tasks, *(task for task, _ in done)))
+                           for task in (*tasks, *(task for task, _ in followed)))
             ends_there = any(other.turns == 2 * branch.turns and other.end.startswith("joins")
-                             and abs(other.values[-1] - special.value) < _JOINING_SHARE * span for _, other in done)
+                             and abs(other.values[-1] - special.value) < _JOINING_SHARE * span for _, other in followed)
             if not (is_known or ends_there):
                 tasks.append(BranchTask(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
                 break
@@ -249,24 +255,24 @@ LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}
 """First letter of a special point's name in picture and files, by its kind."""
 
 
-def special_points_of(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[tuple[int, Branch, str, Special]]:
+def special_points_of(followed: FollowedBranches) -> Iterator[tuple[int, Branch, str, Special]]:
     """Yield each special point with the number of its branch, the branch, and its name.
 
     The name is the letter of its kind and a number, counted over all branches.
     """
     counts = dict.fromkeys(LETTERS, 0)
-    for number, (_, branch) in enumerate(done):
+    for number, (_, branch) in enumerate(followed):
         for special in branch.special_points:
             counts[special.kind] += 1
             yield number, branch, f"{LETTERS[special.kind]}{counts[special.kind]}", special
 
 
-def in_words(done: Sequence[tuple[BranchTask, Branch]]) -> Iterator[str]:
+def in_words(followed: FollowedBranches) -> Iterator[str]:
     """Yield one line of text for each branch."""
-    named = list(special_points_of(done))
-    for number, (task, branch) in enumerate(done):
-        special = ", ".join(f"{name} {point.kind} at {point.value:.9g}" for of, _, name, point in named
-                            if of == number and point.kind != CORNER)
+    named_points = list(special_points_of(followed))
+    for number, (task, branch) in enumerate(followed):
+        special = ", ".join(f"{name} {point.kind} at {point.value:.9g}" for of_branch, _, name, point in named_points
+                            if of_branch == number and point.kind != CORNER)
         stable = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in stable_ranges(branch))
         begin = f"{task.direction} from {task.value:.6g}" if task.parent is None else (
             f"from a period doubling of branch {task.parent} at {task.value:.6g}")
@@ -293,9 +299,9 @@ _CELLS = 50.0  # cells along each axis of a panel; special points of one cell sh
 
 
 @figures.default_settings()
-def draw_orbits(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> bytes:
+def draw_orbits(plan: BranchPlan, followed: FollowedBranches) -> bytes:
     """Draw all branches; returns a PNG file."""
-    figure, branches = figures.new_figure(9.0, 8.4), [branch for _, branch in done]
+    figure, branches = figures.new_figure(9.0, 8.4), [branch for _, branch in followed]
     upper, lower = figure.subplots(2, 1, sharex=True)
     coordinate = next((name for name in ("inclined_position", "upper_position")
                        if any(name in branch.strobe for branch in branches)), None)
@@ -304,14 +310,16 @@ def draw_orbits(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> 
         if coordinate:
             _draw_line(lower, branch, 1e3 * branch.strobe[coordinate])
     lower.set_xlim(plan.low, plan.high)
-    named = [(name, special.value, 1e3 * special.mean_speed) for _, _, name, special in special_points_of(done)
-             if special.kind != CORNER]
-    for _, branch, _, special in special_points_of(done):
+    labels = list[tuple[str, float, float]]()
+    for _, branch, name, special in special_points_of(followed):
         mark, size = MARKS[special.kind]
-        colour = _COLOURS.get(branch.turns, _COLOURS[0])
-        upper.plot(special.value, 1e3 * special.mean_speed, mark, ms=size, color=colour, zorder=3,
-                   mfc="white" if special.kind != CORNER else None)
-    _write_names(upper, named)
+        speed, colour = 1e3 * special.mean_speed, _COLOURS.get(branch.turns, _COLOURS[0])
+        if special.kind == CORNER:
+            upper.plot(special.value, speed, mark, ms=size, color=colour, zorder=3)
+        else:
+            upper.plot(special.value, speed, mark, ms=size, color=colour, zorder=3, mfc="white")
+            labels.append((name, special.value, speed))
+    _write_names(upper, labels)
     upper.set(ylabel="mean speed [mm/s]")
     lower.set(xlabel=figures.of_parameter(plan.name),
               ylabel=f"{(coordinate or '').replace('_', ' ')} at crank angle 0 [mm]")
@@ -325,18 +333,18 @@ def draw_orbits(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> 
 def _draw_line(axes: figures.Axes, branch: Branch, values: np.ndarray) -> None:
     """Draw a branch: solid between two stable neighbours, dashed if one of them is unstable."""
     colour, stable = _COLOURS.get(branch.turns, _COLOURS[0]), branch.stable
-    both = stable[1:] & stable[:-1]
-    for chosen, style in ((np.flatnonzero(both), "-"), (np.flatnonzero(~both), (0, (3.0, 1.5)))):
+    is_stable = stable[1:] & stable[:-1]
+    for chosen, style in ((np.flatnonzero(is_stable), "-"), (np.flatnonzero(~is_stable), (0, (3.0, 1.5)))):
         for run in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
             if len(run):
                 part = slice(run[0], run[-1] + 2)
                 axes.plot(branch.values[part], values[part], color=colour, ls=style, lw=1.2)
 
 
-def _write_names(axes: figures.Axes, named: Sequence[tuple[str, float, float]]) -> None:
-    """Write names of special points into the picture; those that lie close together share a label."""
+def _write_names(axes: figures.Axes, labels: Sequence[tuple[str, float, float]]) -> None:
+    """Write names of special points at their places in the picture; those that lie close together share a label."""
     cells: dict[tuple[int, int], list[str]] = {}
-    for name, *place in named:
+    for name, *place in labels:
         across, up = axes.transLimits.transform(place)
         cells.setdefault((round(_CELLS * across), round(_CELLS * up)), []).append(name)
     if len(cells) <= _MOST_NAMES:
@@ -354,8 +362,8 @@ def _legend(branches: Sequence[Branch]) -> list[figures.Line2D]:
 
 
 def _results(plan: BranchPlan, folder: Path, execution: Execution) -> Iterator[Results]:
-    done = followed_branches(plan, folder / FOLDER, execution)
-    yield Results(_files(plan, done), list(in_words(done)) or [
+    followed = followed_branches(plan, folder / FOLDER, execution)
+    yield Results(_files(plan, followed), list(in_words(followed)) or [
         "no orbit was found; give more --starts, --turns, or another --from"])
 
 
@@ -364,39 +372,42 @@ def plan_of(options: argparse.Namespace) -> BranchPlan:
     vary = options.vary or (_QUICK_VARY if options.quick else None)
     if vary is None:
         raise ValueError("--vary: is missing; give NAME=LOW:HIGH, such as motor.speed=60:130")
-    over = varied_in_words(vary)
-    if not isinstance(over, Range) or over.log:
+    varied = varied_in_words(vary)
+    if not isinstance(varied, Range) or varied.log:
         raise ValueError(f"--vary {vary}: is no range; give NAME=LOW:HIGH, such as motor.speed=60:130")
-    name, scene = over.name, running(machine_of(options))
+    name, scene = varied.name, running(machine_of(options))
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']!r} is not exact to rounding, which derivatives of "
                          "orbits need; leave it at 'exact'")
-    given = tuple(cast(float, PARAMETERS[name].checked(read_scalar(word))) for word in options.begin)
-    begin = given or ((_QUICK_FROM,) if options.quick and not options.vary else
-                      tuple(over.at(np.array([0.25, 0.5, 0.75])).tolist()))
+    begin = tuple(cast(float, PARAMETERS[name].checked(read_scalar(word))) for word in options.begin)
+    if not begin:
+        is_quick = options.quick and not options.vary
+        begin = (_QUICK_FROM,) if is_quick else tuple(varied.at(np.array([0.25, 0.5, 0.75])).tolist())
     for value in begin:
-        if not over.low <= value <= over.high:
-            raise ValueError(f"--from {value:g}: is not from {over.low:g} to {over.high:g}; give a value of the range")
+        if not varied.low <= value <= varied.high:
+            raise ValueError(f"--from {value:g}: is not from {varied.low:g} to {varied.high:g}; give a value of the "
+                             "range")
         TurnMap(scene.with_parameters({name: value}))  # refuses a crank that stands
     turns, starts, points = (
         whole_number(f"--{key}", (quick if options.quick else usual) if getattr(options, key) is None else
                      getattr(options, key), least, most) for key, (usual, quick, least, most) in _COUNTS.items())
-    plan = BranchPlan(scene.with_parameters({name: begin[0]}), name, over.low, over.high, begin, turns, starts, points)
+    plan = BranchPlan(scene.with_parameters({name: begin[0]}), name, varied.low, varied.high, begin, turns, starts,
+                      points)
     plan.family(1, 0.0)  # refuses a range that the scene refuses
     return plan
 
 
-def _files(plan: BranchPlan, done: Sequence[tuple[BranchTask, Branch]]) -> dict[str, bytes]:
+def _files(plan: BranchPlan, followed: FollowedBranches) -> dict[str, bytes]:
     """Contents of tables, text and picture by file name; no tables without a branch."""
-    names = iter([name for _, _, name, _ in special_points_of(done)])
+    names = iter([name for _, _, name, _ in special_points_of(followed)])
     rows = [{"branch": number, "name": next(names) if "kind" in row else None, **row}
-            for number, (_, branch) in enumerate(done) for row in rows_of(branch) if len(branch)]
+            for number, (_, branch) in enumerate(followed) for row in rows_of(branch) if len(branch)]
     files = {}
     if rows:
         files = {BRANCHES: file_of(table_of(rows, [
             Field("branch", pa.int64(), "1", "number of the branch"),
             Field("name", pa.string(), "1", "of a special point, as in the picture", True), *fields_of(plan)]))}
-    return {**files, PICTURE: draw_orbits(plan, done)}
+    return {**files, PICTURE: draw_orbits(plan, followed)}
 
 
 def _add_options(parser: Parser) -> None:

@@ -15,13 +15,7 @@ import numpy as np
 from vibro_lab.orbits.turn_map import whole_number
 from vibro_lab.study.command import machine_of, settings_of
 from vibro_lab.study.measures import checked_names, checked_times
-from vibro_lab.study.variation import (
-    Axis,
-    Range,
-    Sampling,
-    sampling_in_words,
-    varied_in_words,
-)
+from vibro_lab.study.variation import Axis, Range, Sampling, sampling_in_words, varied_in_words
 from vibro_ros import Scene, Value
 
 #: Largest number of runs of a sweep.
@@ -70,7 +64,7 @@ class SweepDesign:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the varied parameters, each of linked ones by itself."""
-        return tuple(name for over in self.varied for name in over.names)
+        return tuple(name for parameter in self.varied for name in parameter.names)
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -104,14 +98,14 @@ class SweepDesign:
 
     def changes(self, point: int) -> dict[str, Value]:
         """Values of the varied parameters at a point."""
-        sampled, rest = self._samples, point
+        sampled, remainder = self._samples, point
         values: dict[str, Value] = {}
         if self.sampling:
-            rest, sample = divmod(point, self.sampling.count)
+            remainder, sample = divmod(point, self.sampling.count)
             values = {name: float(sampled[sample, k])
                       for k, varied_range in enumerate(self.ranges) for name in varied_range.names}
         for axis in reversed(self.axes):
-            rest, index = divmod(rest, len(axis.values))
+            remainder, index = divmod(remainder, len(axis.values))
             values |= dict.fromkeys(axis.names, axis.values[index])
         return {name: values[name] for name in self.names}
 
@@ -127,9 +121,9 @@ class SweepDesign:
         """Everything that determines the rows, for JSON."""
         fixed = {name: value for name, value in self.scene.parameters.items() if name not in self.names}
         sample = {"sample": vars(self.sampling)} if self.sampling else {}
-        return {"scene": self.scene.name, "set": fixed, "vary": {over.name: over.document() for over in self.varied},
-                **sample, "measure": list(self.measures), "starts": self.starts, "settling": self.settling,
-                "duration": self.duration}
+        vary = {parameter.name: parameter.document() for parameter in self.varied}
+        return {"scene": self.scene.name, "set": fixed, "vary": vary, **sample, "measure": list(self.measures),
+                "starts": self.starts, "settling": self.settling, "duration": self.duration}
 
     @functools.cached_property
     def _samples(self) -> np.ndarray:
@@ -144,7 +138,7 @@ def design_of(options: argparse.Namespace) -> SweepDesign:
     """Make the design from the options of the command line (ValueError)."""
     varied = tuple(varied_in_words(text, linked=True) for text in options.vary)
     settings = settings_of(options.set)
-    for name in (name for over in varied for name in over.names):
+    for name in (name for parameter in varied for name in parameter.names):
         if name in settings:
             raise ValueError(f"{name}: is set and varied; keep one")
     return SweepDesign(machine_of(options), varied, sampling_in_words(options.sample) if options.sample else None,

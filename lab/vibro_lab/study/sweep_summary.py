@@ -84,12 +84,12 @@ def summarised(design: SweepDesign, table: pa.Table) -> Summary:
         settled = [None if turns[run] is None else SettledMotion(
             turns[run], np.array(states[run]).reshape(turns[run] or KEPT_STATES, -1), float(speed), 0, tolerance)
             for run, speed in zip(runs, speeds, strict=True)]
-        attractors, places = group_starts(settled, speeds.tolist())
-        for place, attractor in enumerate(attractors):
-            of_motion = runs[places == place]
+        attractors, indices = group_starts(settled, speeds.tolist())
+        for index, attractor in enumerate(attractors):
+            of_motion = runs[indices == index]
             drift = 0.0 if attractor.turns else drift_in(columns["drift"][of_motion], attractor.mean_speed)
             measures = _statistics({name: columns[name][of_motion] for name in design.measures})
-            motions[-1].append(MotionRow(point, place + 1, attractor, measures, drift))
+            motions[-1].append(MotionRow(point, index + 1, attractor, measures, drift))
     is_refused = np.array([str(error).startswith(NO_SCENE) for error in errors]).reshape(-1, starts)
     has_error = np.array([error is not None for error in errors]).reshape(-1, starts)
     parameters = {name: table[name].to_pylist()[::starts] for name in design.names}
@@ -124,15 +124,15 @@ def as_csv(summary: Summary) -> str:
                      *(f"{name}{head}" for name in measures
                        for head in (f" [{units[name]}]", f" 95 % ± [{units[name]}]", " starts")), "failed", "refused"])
     for point, motions in enumerate(summary.motions):
-        place = [point, *(summary.parameters[name][point] for name in names)]
+        point_cells = [point, *(summary.parameters[name][point] for name in names)]
         counts = [summary.failed[point], summary.refused[point]]
         for row in motions:
             attractor = row.attractor
-            writer.writerow([*place, row.number, "" if attractor.turns is None else attractor.turns, attractor.starts,
-                             attractor.share, attractor.low, attractor.high, row.drift,
+            writer.writerow([*point_cells, row.number, "" if attractor.turns is None else attractor.turns,
+                             attractor.starts, attractor.share, attractor.low, attractor.high, row.drift,
                              *itertools.chain.from_iterable(row.measures.values()), *counts])
         if not motions:
-            writer.writerow([*place, "", "", 0, "", "", "", "", *("nan", "nan", 0) * len(measures), *counts])
+            writer.writerow([*point_cells, "", "", 0, "", "", "", "", *("nan", "nan", 0) * len(measures), *counts])
     return text.getvalue()
 
 
@@ -150,11 +150,11 @@ def in_words(summary: Summary) -> Iterator[str]:
         yield f"{several} of {design.points} points have several motions, a row each in the summary"
     for name in shown_measures(design):
         yield from _measure_in_words(summary, name)
-    for count, what, is_refused in ((summary.failed.sum(), "runs could not go on", False),
+    for count, outcome, is_refused in ((summary.failed.sum(), "runs could not go on", False),
                                     (summary.refused.sum(), "runs are of scenes that are refused", True)):
         if count:
             text = next(text for text in summary.errors if text.startswith(NO_SCENE) == is_refused)
-            yield f"{count} {what}, such as: {text}"
+            yield f"{count} {outcome}, such as: {text}"
     if summary.warnings:
         yield f"warning: {summary.warnings[0]}"
 
@@ -166,21 +166,21 @@ def shown_measures(design: SweepDesign) -> list[str]:
 
 def _measure_in_words(summary: Summary, name: str) -> Iterator[str]:
     """Yield the extremes of a measure, and whether they lie at the end of a range."""
-    known = [row for row in summary.rows if not math.isnan(row.measures[name].mean)]
-    if not known:
+    rows = [row for row in summary.rows if not math.isnan(row.measures[name].mean)]
+    if not rows:
         yield f"{name}: no run has a value"
         return
 
     def size(row: MotionRow) -> float:
         return abs(row.measures[name].mean) if name in DIRECTED else row.measures[name].mean
 
-    least, most = min(known, key=size), max(known, key=size)
+    least, most = min(rows, key=size), max(rows, key=size)
     yield f"{name}: from {_row_in_words(summary, name, least)} to {_row_in_words(summary, name, most)}"
     quantity = f"magnitude of {name}" if name in DIRECTED else name
-    for what, row, direction in (("least", least, "fall"), ("largest", most, "rise")):
-        if edge := at_the_edge(f"the {what} {quantity}", ends_at(summary.parameters, row.point), direction):
+    for extreme, row, direction in (("least", least, "fall"), ("largest", most, "rise")):
+        if edge := at_the_edge(f"the {extreme} {quantity}", ends_at(summary.parameters, row.point), direction):
             yield edge
-    unknown = sum(not sign_of(row.measures[name].mean, row.measures[name].spread) for row in known)
+    unknown = sum(not sign_of(row.measures[name].mean, row.measures[name].spread) for row in rows)
     if name == EXPONENT and unknown:
         yield f"{name}: sign not known of {unknown} of {len(summary.rows)} motions"
 
@@ -213,11 +213,11 @@ def draw_sweep(summary: Summary) -> bytes:
     """
     design, measures = summary.design, shown_measures(summary.design)
     numbers = [axis for axis in design.axes if isinstance(PARAMETERS[axis.names[0]].default, float)]
-    over: Sequence[Axis | Range] = design.ranges or numbers[:1] or design.axes[:1]
-    figure = figures.new_figure(_WIDTH * len(over), _HEIGHT * len(measures), 100)
-    panels = figure.subplots(len(measures), len(over), squeeze=False)
+    parameters: Sequence[Axis | Range] = design.ranges or numbers[:1] or design.axes[:1]
+    figure = figures.new_figure(_WIDTH * len(parameters), _HEIGHT * len(measures), 100)
+    panels = figure.subplots(len(measures), len(parameters), squeeze=False)
     for row, measure in zip(panels, measures, strict=True):
-        for axes, parameter in zip(row, over, strict=True):
+        for axes, parameter in zip(row, parameters, strict=True):
             _draw_panel(axes, summary, measure, parameter)
     if len(design.axes) > 1 and not design.ranges:
         panels[0, 0].legend(fontsize=8, frameon=False)
@@ -226,30 +226,31 @@ def draw_sweep(summary: Summary) -> bytes:
     return figures.png(figure)
 
 
-def _draw_panel(axes: figures.Axes, summary: Summary, measure: str, over: Axis | Range) -> None:
+def _draw_panel(axes: figures.Axes, summary: Summary, measure: str, parameter: Axis | Range) -> None:
     """Draw a mark for each motion; a line joins those of a grid if each of its points has one motion."""
-    places = summary.parameters[over.names[0]]
-    is_number = isinstance(PARAMETERS[over.names[0]].default, float)
-    for (label, points), (colour, marker) in zip(_combinations(summary, over), figures.LINES, strict=False):
+    values = summary.parameters[parameter.names[0]]
+    is_number = isinstance(PARAMETERS[parameter.names[0]].default, float)
+    for (label, points), (colour, marker) in zip(_combinations(summary, parameter), figures.LINES, strict=False):
         rows = [row for row in summary.rows if row.point in points]
         if is_number:
-            rows.sort(key=lambda row: places[row.point])  # a list has any order
+            rows.sort(key=lambda row: values[row.point])  # a list has any order
         is_line = len({row.point for row in rows}) == len(rows) and not summary.design.ranges
-        axes.errorbar([places[row.point] for row in rows], [row.measures[measure].mean for row in rows],
+        axes.errorbar([values[row.point] for row in rows], [row.measures[measure].mean for row in rows],
                       yerr=np.nan_to_num([row.measures[measure].spread for row in rows]), color=colour, marker=marker,
                       ms=4, lw=1.2, linestyle="-" if is_line else "none", capsize=2, label=label)
-    axes.set(xlabel=figures.of_parameter(over.name), ylabel=figures.with_unit(measure, MEASURES[measure].unit))
+    axes.set(xlabel=figures.of_parameter(parameter.name), ylabel=figures.with_unit(measure, MEASURES[measure].unit))
     if is_number:
         axes.locator_params(axis="x", nbins=6)  # more would touch each other, of small numbers such as gaps
     figures.style_axes(axes)
 
 
-def _combinations(summary: Summary, over: Axis | Range) -> list[tuple[str, set[int]]]:
-    """Label and points of each combination of the parameters other than `over`, at most `MOST_LINES`; of samples all
-    points together.
+def _combinations(summary: Summary, parameter: Axis | Range) -> list[tuple[str, set[int]]]:
+    """Label and points of each combination of the parameters other than `parameter`, at most `MOST_LINES`.
+
+    Samples have one combination, of all points.
     """
     design, labels = summary.design, dict[str, set[int]]()
-    others = [] if design.ranges else [axis for axis in design.axes if axis is not over]
+    others = [] if design.ranges else [axis for axis in design.axes if axis is not parameter]
     for point in range(design.points):
         label = ", ".join(f"{axis.name} = {_value(summary.parameters[axis.names[0]][point], 4)}" for axis in others)
         labels.setdefault(label, set()).add(point)

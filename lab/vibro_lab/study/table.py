@@ -101,9 +101,9 @@ def stored(study: Study, folder: Path, blocks: Mapping[int, Sequence[int]],
             progress.add(1)
     missing = {block: numbers for block, numbers in blocks.items() if block not in tables}
     points = sum(map(len, blocks.values()))
-    left = sum(map(len, missing.values()))
+    remaining = sum(map(len, missing.values()))
     with contextlib.closing(compute([number for numbers in missing.values() for number in numbers])) as results, \
-            Progress(study.what, "point", points, points - left) as progress:
+            Progress(study.what, "point", points, points - remaining) as progress:
         for block, numbers in missing.items():
             rows: list[dict] = []
             for _ in numbers:
@@ -216,8 +216,8 @@ def _identity(study: Study) -> dict:
 def _difference(theirs: object, ours: object, where: str = "") -> str:
     """Describe the first difference between two documents."""
     if not (isinstance(theirs, dict) and isinstance(ours, dict)):
-        shown = [text if len(text) <= 60 else f"{text[:60]}…" for text in map(str, (theirs, ours))]
-        return f"{where} is {shown[0]} there, {shown[1]} here"
+        texts = [text if len(text) <= 60 else f"{text[:60]}…" for text in map(str, (theirs, ours))]
+        return f"{where} is {texts[0]} there, {texts[1]} here"
     for key in dict.fromkeys((*ours, *theirs)):
         if key in ours and theirs.get(key) != ours[key]:
             return _difference(theirs.get(key), ours[key], f"{where}.{key}" if where else str(key))

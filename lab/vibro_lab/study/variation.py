@@ -153,14 +153,14 @@ def sampling_in_words(text: str) -> Sampling:
     return Sampling(method, points, whole_number("--sample: seed", seed, 0, 2**63 - 1))
 
 
-def ends_at(values: Mapping[str, Sequence[Value]], at: int) -> list[str]:
-    """Names of the numeric scanned parameters that have their least or largest value at the point `at`.
+def ends_at(values: Mapping[str, Sequence[Value]], point: int) -> list[str]:
+    """Names of the numeric scanned parameters that have their least or largest value at the point `point`.
 
     `values` contains, by scanned parameter, its value at every point. A parameter of two values has no ends, because
     each of its points would be one.
     """
-    numbers = [name for name, every in values.items() if isinstance(every[0], float) and len(set(every)) > 2]
-    return [name for name in numbers if values[name][at] in (min(values[name]), max(values[name]))]  # type: ignore
+    numbers = [name for name, series in values.items() if isinstance(series[0], float) and len(set(series)) > 2]
+    return [name for name in numbers if values[name][point] in (min(values[name]), max(values[name]))]  # type: ignore
 
 
 def at_the_edge(what: str, ends: Sequence[str], direction: str = "rise") -> str:

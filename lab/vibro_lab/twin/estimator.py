@@ -5,7 +5,7 @@ Each particle is a `Simulator` with parameters of its own, which simulates the r
 meanwhile. When few of them carry the weight, unlikely ones are replaced by varied copies of likely ones (J. Liu,
 M. West, "Combined parameter and state estimation in simulation-based filtering", 2001).
 
-Three things differ from the plain filter, whose numbers are in `settings.py`:
+Three things differ from the plain filter, whose numbers are `FilterSettings`:
 
 - A body's position enters no equation, so each particle has a Kalman filter of the place where its simulation began. An
   encoder is finer than particles could ever lie, so each has a Kalman filter of its crank's angle, too.
@@ -14,7 +14,7 @@ Three things differ from the plain filter, whose numbers are in `settings.py`:
 - When the measurements of some quantity are much farther off than usual, faults are compared (`faults.py`).
 
 No scene is the robot, and copies of particles soon agree on what the scene lacks. So the variance of the body's speed
-is at least what the innovations show: `_shown`.
+is at least the one that the innovations show (`SpeedErrors`).
 """
 
 import math
@@ -25,9 +25,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_lab.twin.faults import FilterStep, Frozen, most_likely, possible_faults, words_of
-from vibro_lab.twin.particles import INDEX, Innovation, MeasuredNumber, Offsets, Particle, run, thinned
-from vibro_lab.twin.settings import STEP, FilterSettings
+from vibro_lab.twin.faults import FilterStep, Frozen, fault_in_words, most_likely_change, possible_faults
+from vibro_lab.twin.particles import (
+    INDEX,
+    STEP,
+    FilterSettings,
+    Innovation,
+    MeasuredNumber,
+    Offsets,
+    Particle,
+    run,
+    thinned,
+)
 from vibro_ros import ACCELERATIONS, IMU_FORGETTING, SAMPLE_FIELDS, STATE_UNITS, Incident, Scene, motor_coordinates
 
 MOST_WAITING = 10_000
@@ -45,14 +54,14 @@ KNOWN_PLACE = 1e-2
 """Standard deviation of the place [m] from which on its drift says something of the speed."""
 PLACES, SPEEDS = ("body_position", "body_height"), ("body_velocity", "body_vertical_velocity")
 _OF_DC_MOTOR = ("motor_current", "controller_integral")
-
-
 DEFAULT = FilterSettings()
 
 
 class Estimate(NamedTuple):
-    """Means and variances of all `SAMPLE_FIELDS` at `time` [s], shape (fields,) each; mean and standard deviation of
-    each free parameter."""
+    """Means and variances of all `SAMPLE_FIELDS` at `time` [s], shape (fields,) each.
+
+    `parameters` has the mean and the standard deviation of each free parameter.
+    """
 
     time: float
     mean: np.ndarray
@@ -72,6 +81,63 @@ class Departure(NamedTuple):
     fault: Incident | None
     evidence: float
     words: str
+
+
+class SpeedErrors:
+    """Errors of the body's two speeds that the innovations show, averaged over `memory` [s].
+
+    An error of the acceleration that oscillates with the crank is an error of the speed, divided by the crank's speed.
+    The median of its magnitude counts, because a blow that comes a tenth of a millisecond early is an error of a
+    hundred m/s² that hardly changes the speed. An error of the mean speed lets the offset between measured and
+    simulated place drift; a drift that the offset's own variance explains is no error.
+    """
+
+    def __init__(self, memory: float):
+        self._memory, self._acceleration, self._earlier_offset = memory, dict[str, float](), math.nan
+
+    def update(self, innovations: Sequence[Innovation], offset: float, offset_variance: float) -> None:
+        """Take the innovations of a step, and the offset of the place [m] after it with its variance [m²]."""
+        share = STEP / self._memory
+        for axis in ACCELERATIONS:
+            errors = [abs(innovation.value) for innovation in innovations if innovation.field == axis]
+            if errors:
+                average = self._acceleration.get(axis, median(errors))
+                self._acceleration[axis] = average + share * (median(errors) - average)
+        if not math.isnan(self._earlier_offset):
+            self._earlier_offset += share * (offset - self._earlier_offset)
+        elif offset_variance < KNOWN_PLACE**2:
+            self._earlier_offset = offset
+
+    def variances(self, crank_speed: float, offset: float, offset_variance: float) -> tuple[float, float]:
+        """Return the variances of the speeds along and across the ground [m²/s²]."""
+        along, across = ((GAUSSIAN * self._acceleration.get(axis, 0.0) / max(abs(crank_speed), SLOWEST))**2
+                         for axis in ACCELERATIONS)
+        drift = offset - self._earlier_offset
+        if math.isfinite(drift):
+            along += max(0.0, drift**2 - offset_variance) / self._memory**2
+        return along, across
+
+
+class InnovationSquares:
+    """Mean squares of the normalised innovations by quantity: the usual ones, and those of the latest step."""
+
+    def __init__(self, settings: FilterSettings):
+        self._settings, self._usual, self.latest = settings, dict[str, float](), dict[str, float]()
+
+    def ratios(self, innovations: Sequence[Innovation]) -> dict[str, float]:
+        """Take the innovations of a step, and return how unusual those of each quantity are; above 1 they are."""
+        squares: dict[str, list[float]] = {}
+        for innovation in innovations:
+            squares.setdefault(innovation.field, []).append(innovation.value**2 / innovation.variance)
+        ratios = dict[str, float]()
+        for field, of_field in squares.items():
+            square, usual = float(np.mean(of_field)), self._usual.get(field, 1.0)
+            recent = 0.5 * (square + self.latest.get(field, 0.0))
+            share = STEP / self._settings.memory
+            self._usual[field] = usual + share * (min(square, self._settings.most_usual) - usual)
+            self.latest[field] = square
+            ratios[field] = recent / (self._settings.unusual + 4.0 * usual)
+        return ratios
 
 
 class Estimator:
@@ -105,7 +171,8 @@ class Estimator:
         self._measured: list[MeasuredNumber] = []
         self._commands: list[tuple[float, dict[str, float]]] = []
         self._given: dict[str, float] = {}  # the last command of each kind
-        self._weights, self._logs = np.full(particles, 1.0 / particles), np.zeros((particles, len(self._free)))
+        self._weights = np.full(particles, 1.0 / particles)
+        self._log_parameters = np.zeros((particles, len(self._free)))
         self._anchor: MeasuredNumber | None = None  # the encoder's first angle, while the command is not known
         self.start_again(0.0)
 
@@ -117,21 +184,21 @@ class Estimator:
         self.departure: Departure | None = None
         self._active: Incident | None = None
         self._frozen: Mapping[str, Frozen] = {}  # quantities that a sensor no longer measures
-        self._usual, self._latest = dict[str, float](), dict[str, float]()
+        self._squares = InnovationSquares(self._settings)
         self._unusual_since, self._last_unusual = math.inf, -math.inf
         self._history: deque[FilterStep] = deque(maxlen=self._settings.most_kept)
         self._temper = 1.0  # the power of the last step's likelihoods
-        self._unexplained_acceleration, self._lagging_offset = dict[str, float](), math.nan
+        self._speed_errors = SpeedErrors(self._settings.growth_memory)
         believed, deviation = np.log([self._scene[name] for name in self._free]), self._spread
         if self.restarts:
-            believed, deviation = self._weights @ self._logs, self._spread
-        self._logs = believed + deviation * self._random.standard_normal((self._count, len(self._free)))
+            believed, deviation = self._weights @ self._log_parameters, self._spread
+        self._log_parameters = believed + deviation * self._random.standard_normal((self._count, len(self._free)))
         self._particles = []
-        for k, logs in enumerate(self._logs):
+        for k, logs in enumerate(self._log_parameters):
             try:
                 scene = self._with(logs)
             except ValueError:  # beyond a limit
-                self._logs[k], scene = np.log([self._scene[name] for name in self._free]), self._scene
+                self._log_parameters[k], scene = np.log([self._scene[name] for name in self._free]), self._scene
             self._particles.append(Particle(scene, self._bandwidth, time))
             self._particles[-1].device.command(**self._given)
         self._weights = np.full(self._count, 1.0 / self._count)
@@ -175,56 +242,27 @@ class Estimator:
         return self._estimate
 
     def _estimated(self) -> Estimate:
-        """Return what the particles say now, before likely ones are varied for the next step."""
+        """Return the estimate of the particles, before likely ones are varied for the next step."""
         values = self._values()
         values[:, INDEX["body_position"]] += self._offsets.mean["body_position"]
         mean = self._weights @ values
         variance = self._weights @ (values - mean)**2
         variance[INDEX["body_position"]] += self._weights @ self._offsets.variance["body_position"]
-        for place, speed, shown in zip(PLACES, SPEEDS, self._shown(), strict=True):
+        shown_variances = self._speed_errors.variances(float(mean[INDEX["motor_speed"]]), *self._place_offset())
+        for place, speed, least_variance in zip(PLACES, SPEEDS, shown_variances, strict=True):
             variance[INDEX[place]] += self._settings.least_place_deviation**2
-            variance[INDEX[speed]] = max(variance[INDEX[speed]], shown) + self._settings.least_speed_deviation**2
-        numbers = np.exp(self._logs)
+            variance[INDEX[speed]] = max(variance[INDEX[speed]], least_variance)
+            variance[INDEX[speed]] += self._settings.least_speed_deviation**2
+        numbers = np.exp(self._log_parameters)
         average = self._weights @ numbers
         deviation = np.sqrt(self._weights @ (numbers - average)**2)
         return Estimate(self.time, mean, variance, dict(zip(self._free, zip(
             average.tolist(), deviation.tolist(), strict=True), strict=True)))
 
-    def _shown(self) -> tuple[float, float]:
-        """Return the variances of the body's two speeds that the innovations show [m²/s²].
-
-        An error of the acceleration that swings with the crank is one of the speed, smaller by the crank's speed. The
-        median of its magnitude counts, because a blow that comes a tenth of a millisecond early is an error of a
-        hundred m/s² that hardly moves the speed. An error of the mean speed lets the offset between measured and
-        simulated place drift; what the offset's own variance explains is no error.
-        """
-        turning = max(abs(float(self._weights @ self._values()[:, INDEX["motor_speed"]])), SLOWEST)
-        along, across = ((GAUSSIAN * self._unexplained_acceleration.get(axis, 0.0) / turning)**2
-                         for axis in ACCELERATIONS)
-        drift = self._offset() - self._lagging_offset
-        drift_variance = float(self._weights @ self._offsets.variance["body_position"])
-        if math.isfinite(drift):
-            along += max(0.0, drift**2 - drift_variance) / self._settings.growth_memory**2
-        return along, across
-
-    def _offset(self) -> float:
-        """Return the mean offset between measured and simulated place [m]."""
-        return float(self._weights @ self._offsets.mean["body_position"])
-
-    def _average_innovations(self) -> None:
-        """Average what the last innovations show, for `_shown`."""
-        share = STEP / self._settings.growth_memory
-        for axis in ACCELERATIONS:
-            errors = [abs(innovation.value) for innovation in self.innovations if innovation.field == axis]
-            if errors:
-                usual = self._unexplained_acceleration.get(axis, median(errors))
-                self._unexplained_acceleration[axis] = usual + share * (median(errors) - usual)
-        offset = self._offset()
-        if math.isnan(self._lagging_offset):
-            if float(self._weights @ self._offsets.variance["body_position"]) < KNOWN_PLACE**2:
-                self._lagging_offset = offset
-        else:
-            self._lagging_offset += share * (offset - self._lagging_offset)
+    def _place_offset(self) -> tuple[float, float]:
+        """Return the mean offset between measured and simulated place [m], and its variance [m²]."""
+        return (float(self._weights @ self._offsets.mean["body_position"]),
+                float(self._weights @ self._offsets.variance["body_position"]))
 
     def _values(self) -> np.ndarray:
         return np.array([particle.device.values for particle in self._particles])
@@ -240,7 +278,7 @@ class Estimator:
         self._adopt_speed(measured)
         chosen = self._random.choice(self._count, self._settings.replayed, p=self._weights)
         self._history.append(FilterStep(end, measured, commands, [self._particles[k].kept() for k in chosen],
-                                        self._offsets.part(chosen), self._logs[chosen]))
+                                        self._offsets.of_particles(chosen), self._log_parameters[chosen]))
         earlier_speeds = self._values()[:, INDEX["motor_speed"]]
         predicted = run(self._particles, measured, commands, end)
         for _, given in commands:
@@ -255,12 +293,12 @@ class Estimator:
         self._offsets.grow(self._values()[:, INDEX["motor_speed"]] - earlier_speeds, self._scene.has_rotor)
         gains, turns, self.innovations = self._offsets.weigh(measured, predicted, self._weights)
         self._weights, self._temper = self._reweighed(np.where(alive, gains, -np.inf))
-        self._average_innovations()
+        self._speed_errors.update(self.innovations, *self._place_offset())
         self._estimate = self._estimated()
         for particle, turn in zip(self._particles, np.where(alive, turns, 0.0).tolist(), strict=True):
             if turn:
                 particle.device.set_state(crank_angle=particle.device.values.item(INDEX["crank_angle"]) + turn)
-        self._watch()
+        self._check_innovations()
         in_use = 1.0 / (self._weights**2).sum()
         is_due = self.time - self._resampled > 1.5 * STEP and in_use < self._settings.resampled * self._count
         if is_due or not alive.all():
@@ -273,43 +311,48 @@ class Estimator:
                 if measurement.field not in frozen or measurement.value != frozen[measurement.field].value]
         if any(measurement.field in frozen for measurement in used):
             self._active, self.departure, self._frozen = None, None, {}
-            self._watch_anew()
+            self._restart_checks()
         return used
 
-    def _watch_anew(self) -> None:
-        """Begin to watch anew, because a fault has been named or is over."""
+    def _restart_checks(self) -> None:
+        """Forget what was unusual, because a fault has been named or is over."""
         self._history.clear()
-        self._latest.clear()
+        self._squares.latest.clear()
         self._unusual_since, self._began = math.inf, self.time
         self._has_turned = False  # the fault may have begun within a step
 
     def _adopt_speed(self, measured: Sequence[MeasuredNumber]) -> None:
-        """Let the cranks turn as the encoder says, if they do not when the filter begins: it may have missed commands.
+        """Set the cranks to the encoder's speed and angle where they differ when the filter begins.
 
-        The speed over a step is coarse by a tick of the encoder, so that half a second later it is corrected once.
+        The filter may have missed commands. The speed over a step is coarse by a tick of the encoder, so it is
+        corrected once, `FilterSettings.first_speed` later.
         """
         angles = [measurement for measurement in measured if measurement.field == "crank_angle"]
         if len(angles) < 2 or angles[0].time == angles[-1].time:
             return
         is_first, self._has_turned = not self._has_turned, True
         first, last = self._anchor or angles[0], angles[-1]
-        speed = (last.value - first.value) / (last.time - first.time)
-        is_again = self._anchor is not None and last.time - first.time > self._settings.first_speed
-        if not (is_first or is_again):
+        is_correction = self._anchor is not None and last.time - first.time > self._settings.first_speed
+        if not (is_first or is_correction):
             return
-        is_unknown = (self._adopts and "motor_speed" not in self._given
-                      and self._scene.motor_command == "motor_speed")
-        self._anchor = None if is_again else self._anchor
+        speed = (last.value - first.value) / (last.time - first.time)
         angle = last.value - speed * (last.time - self.time)
+        is_command_unknown = (self._adopts and "motor_speed" not in self._given
+                              and self._scene.motor_command == "motor_speed")
+        is_adopted = False
         for particle in self._particles:
             values = particle.device.values
-            is_faster = abs(values.item(INDEX["motor_speed"]) - speed) > self._settings.unlike_speed
-            if is_unknown and (is_faster or is_again):
+            has_other_speed = abs(values.item(INDEX["motor_speed"]) - speed) > self._settings.unlike_speed
+            has_other_angle = abs(values.item(INDEX["crank_angle"]) - angle) > self._settings.unlike_angle
+            if is_command_unknown and (has_other_speed or is_correction):
                 particle.device.command(motor_speed=speed)
-                self._anchor = None if is_again else first
-            is_elsewhere = abs(values.item(INDEX["crank_angle"]) - angle) > self._settings.unlike_angle
-            if is_first and (is_faster or is_elsewhere):
-                particle.device.set_state(crank_angle=angle, **({"motor_speed": speed} if is_faster else {}))
+                is_adopted = True
+            if is_first and (has_other_speed or has_other_angle):
+                particle.device.set_state(crank_angle=angle, **({"motor_speed": speed} if has_other_speed else {}))
+        if is_correction:
+            self._anchor = None
+        elif is_adopted:
+            self._anchor = first
         self._adopts = self._anchor is not None
 
     def _reweighed(self, gains: np.ndarray) -> tuple[np.ndarray, float]:
@@ -327,16 +370,16 @@ class Estimator:
     def _resample(self) -> None:
         """Replace unlikely particles by varied copies of likely ones, all with equal weights."""
         count, self._resampled = self._count, self.time
-        mean = self._weights @ self._logs
+        mean = self._weights @ self._log_parameters
         mean += self._settings.pull * (self._believed - mean)
-        deviation = np.maximum(np.sqrt(self._weights @ (self._logs - mean)**2), self._spread)
+        deviation = np.maximum(np.sqrt(self._weights @ (self._log_parameters - mean)**2), self._spread)
         values = self._values()
         scatter = self._settings.state_scatter * np.sqrt(self._weights @ (values - self._weights @ values)**2)
         scatter = min(1.0 / max(self._temper, 0.1), 10.0) * np.hypot(scatter, self._least_scatter)
         points = (np.arange(count) + self._random.random()) / count
         chosen = np.searchsorted(np.cumsum(self._weights), points).clip(max=count - 1)
-        self._copy(self._particles, chosen, self._logs, mean, deviation, scatter)
-        self._offsets = self._offsets.part(chosen)
+        self._copy(self._particles, chosen, self._log_parameters, mean, deviation, scatter)
+        self._offsets = self._offsets.of_particles(chosen)
 
     def _copy(self, particles: Sequence[Particle], chosen: np.ndarray, logs: np.ndarray, mean: np.ndarray,
               deviation: np.ndarray, scatter: np.ndarray) -> None:
@@ -344,20 +387,20 @@ class Estimator:
 
         `mean` and `deviation` are those of the logarithms of the free parameters, `scatter` those of the state.
         """
-        copies, seen, kept_share = list[Particle](), set[int](), 1.0 - self._settings.forgetting
+        copies, copied, kept_share = list[Particle](), set[int](), 1.0 - self._settings.forgetting
         fresh = logs[chosen]
         for k, i in enumerate(chosen.tolist()):
             scene = particles[i].scene
-            if i in seen and self._free:
+            if i in copied and self._free:
                 noise = math.sqrt(1.0 - kept_share**2) * deviation * self._random.standard_normal(len(mean))
                 drawn = mean + kept_share * (logs[i] - mean) + noise
                 try:
                     scene, fresh[k] = self._with(drawn), drawn
                 except ValueError:  # beyond a limit
                     pass
-            copies.append(self._varied(particles[i], scene, scatter) if i in seen else particles[i])
-            seen.add(i)
-        self._particles, self._logs = copies, fresh
+            copies.append(self._varied(particles[i], scene, scatter) if i in copied else particles[i])
+            copied.add(i)
+        self._particles, self._log_parameters = copies, fresh
         self._weights = np.full(self._count, 1.0 / self._count)
 
     def _varied(self, particle: Particle, scene: Scene, scatter: np.ndarray) -> Particle:
@@ -379,16 +422,13 @@ class Estimator:
         new.settled = self.time + (IMU_FORGETTING / self._bandwidth if self._bandwidth else 0.0)
         return new
 
-    def _watch(self) -> None:
+    def _check_innovations(self) -> None:
         """Look whether the measurements are unusual; if so, compare faults, and note a departure from the model.
 
         An IMU alone lets faults be compared, but is no departure: after a blow that comes a tenth of a millisecond
         early its whole signal is wrong.
         """
-        squares: dict[str, list[float]] = {}
-        for innovation in self.innovations:
-            squares.setdefault(innovation.field, []).append(innovation.value**2 / innovation.variance)
-        ratios = {field: self._unusual(field, float(np.mean(many))) for field, many in squares.items()}
+        ratios = self._squares.ratios(self.innovations)
         slow = {field: ratio for field, ratio in ratios.items() if field not in ACCELERATIONS}
         if self.time - self._began < self._settings.settling or not ratios:
             return
@@ -411,13 +451,6 @@ class Estimator:
         elif lasted >= self._settings.unexplained and not self.departure:
             self.departure = Departure(self.time, self._unusual_since, None, slow[farthest], farthest)
 
-    def _unusual(self, field: str, square: float) -> float:
-        """Return how unusual the mean `square` of a quantity's normalised innovations is; above 1 it is."""
-        usual = self._usual.get(field, 1.0)
-        recent, self._latest[field] = 0.5 * (square + self._latest.get(field, 0.0)), square
-        self._usual[field] = usual + STEP / self._settings.memory * (min(square, self._settings.most_usual) - usual)
-        return recent / (self._settings.unusual + 4.0 * usual)
-
     def _since_gap(self) -> int:
         """Return the number of steps since a plate was commanded to move; 0 if that is longer ago than is kept."""
         return next((len(self._history) - k for k, step in enumerate(self._history) for _, given in step.commands
@@ -434,18 +467,20 @@ class Estimator:
         plates = [fault for fault in others if fault.fault == "plate_stuck" and since_gap]
         others = [fault for fault in others if fault.fault != "plate_stuck" and is_unusual]
         others += [end] if end and is_unusual else []
-        candidates = {back: plates * (back >= since_gap) + others * (back in instants)
-                      for back in {*instants, since_gap}}  # a stuck plate shows from its command on
-        explanation = most_likely(list(self._history), self._bandwidth, self._settings, end, candidates)
+        candidates = {ago: [*(plates if ago >= since_gap else []), *(others if ago in instants else [])]
+                      for ago in {*instants, since_gap}}  # a stuck plate shows from its command on
+        explanation = most_likely_change(list(self._history), self._bandwidth, self._settings, end, candidates)
         if explanation is None:
             return False
         fault, best = explanation
-        self._active = fault if fault != end else None
-        self.departure = Departure(self.time, best.begin, fault, best.gain, words_of(fault)) if self._active else None
+        self._active, self.departure = None, None
+        if fault != end:
+            self._active = fault
+            self.departure = Departure(self.time, best.begin, fault, best.gain, fault_in_words(fault))
         self._frozen = best.frozen
         chosen = np.arange(self._count) % len(best.particles)
-        self._copy(best.particles, chosen, best.logs, best.logs.mean(axis=0),
+        self._copy(best.particles, chosen, best.log_parameters, best.log_parameters.mean(axis=0),
                    np.full(len(self._free), self._spread), self._least_scatter)
-        self._offsets = best.offsets.part(chosen)
-        self._watch_anew()
+        self._offsets = best.offsets.of_particles(chosen)
+        self._restart_checks()
         return True

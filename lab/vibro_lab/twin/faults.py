@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_lab.twin.particles import KeptParticle, MeasuredNumber, Offsets, run
-from vibro_lab.twin.settings import STEP, FilterSettings
+from vibro_lab.twin.particles import STEP, FilterSettings, KeptParticle, MeasuredNumber, Offsets, run
 from vibro_ros import ACCELERATIONS, Incident, Scene
 
 FOREVER, FAR = 86_400.0, 1e6
@@ -30,14 +29,14 @@ FRICTIONS, SUPPLIES = (0.1, 0.4, 2.5), (0.2, 0.35, 0.5, 0.75)
 
 
 class FilterStep(NamedTuple):
-    """A step that has been taken: its end [s], what was measured and commanded, and some particles at its beginning."""
+    """A step that has been taken, with some particles at its beginning."""
 
-    end: float
+    end: float  # [s]
     measured: list[MeasuredNumber]
-    commands: list[tuple[float, dict[str, float]]]
+    commands: list[tuple[float, dict[str, float]]]  # instants [s] and commands
     kept: list[KeptParticle]
-    offsets: Offsets
-    logs: np.ndarray
+    offsets: Offsets  # of these particles, as are the logarithms of the free parameters, shape (particles, free)
+    log_parameters: np.ndarray
 
 
 class Frozen(NamedTuple):
@@ -50,18 +49,18 @@ class Frozen(NamedTuple):
 class Replay:
     """The particles that were kept before the first of `steps`, run through all of them with `changes` from there on.
 
-    What a sensor repeats from the instant on at which it has frozen is predicted exactly: `frozen`, by quantity.
-    `gain` is the best of their log likelihoods. `discount` is the square of `Offsets.misfit` for a measurement, in
-    parts of the expected one: errors that the noise does not explain are not independent, and differences of
-    likelihoods mean less by so much. ValueError if the device cannot have a fault.
+    `frozen` has the value of each quantity whose sensor has frozen, which is then predicted exactly. `gain` is the
+    largest log likelihood of a particle. `discount` is the square of the mean misfit of a measurement over the expected
+    one: errors that the noise does not explain are not independent, so that differences of likelihoods mean less.
+    ValueError if the device cannot have a fault.
     """
 
     def __init__(self, steps: Sequence[FilterStep], bandwidth: float, settings: FilterSettings,
                  changes: Iterable[Incident]):
         first = steps[0]
-        self.begin, self.logs = first.end - STEP, first.logs
+        self.begin, self.log_parameters = first.end - STEP, first.log_parameters
         self.particles = [kept.restored(bandwidth) for kept in first.kept]
-        self.offsets = first.offsets.part(np.arange(len(first.kept)))
+        self.offsets = first.offsets.of_particles(np.arange(len(first.kept)))
         self.frozen: dict[str, Frozen] = {}
         for change in changes:
             if change.fault == FREEZE:
@@ -83,26 +82,26 @@ class Replay:
             gains -= sum(0.5 * math.log(self.offsets.error_of(measurement)) for measurement in repeated)
             self.offsets.grow(0.0, False)
         self.gain = float(np.max(gains, where=[particle.is_alive for particle in self.particles], initial=-np.inf))
-        misfit = float(self.offsets.misfit.min()) / max(1, self.offsets.heard)
+        misfit = float(self.offsets.misfit.min()) / max(1, self.offsets.misfit_count)
         self.discount = max(1.0, (2.0 * misfit)**2)
 
 
-def most_likely(steps: Sequence[FilterStep], bandwidth: float, settings: FilterSettings, end: Incident | None,
-                candidates: Mapping[int, Sequence[Incident]]) -> tuple[Incident, Replay] | None:
+def most_likely_change(steps: Sequence[FilterStep], bandwidth: float, settings: FilterSettings, end: Incident | None,
+                       candidates: Mapping[int, Sequence[Incident]]) -> tuple[Incident, Replay] | None:
     """Return the change of the robot that explains the last `steps`, with its replay; None if none does so clearly.
 
-    `candidates` may have begun so many steps before now; `bandwidth` is that of the IMU's low-pass [Hz]. `end` is the
-    end of the fault that the robot has, if it has one. It is preferred to others that fit nearly as well, as all do
-    that have not begun to matter, and precedes each other fault.
+    `candidates` are the changes that may have begun, by the number of steps since then; `bandwidth` is that of the
+    IMU's low-pass [Hz]. `end` is the end of the fault that the robot has, if it has one: it precedes each other fault,
+    and is preferred to others that fit nearly as well, because a fault that has no effect yet fits as well.
     """
     replays = dict[Incident, Replay]()
-    for back, changes in sorted(candidates.items()):
-        if not changes or not 0 < back <= len(steps):
+    for steps_ago, changes in sorted(candidates.items()):
+        if not changes or not 0 < steps_ago <= len(steps):
             continue
-        unchanged = Replay(steps[-back:], bandwidth, settings, ()).gain
+        unchanged = Replay(steps[-steps_ago:], bandwidth, settings, ()).gain
         for change in changes:
             try:
-                replay = Replay(steps[-back:], bandwidth, settings,
+                replay = Replay(steps[-steps_ago:], bandwidth, settings,
                                 (end, change) if end and change != end else (change,))
             except ValueError:  # a fault that the device cannot have now
                 continue
@@ -148,7 +147,7 @@ def possible_faults(scene: Scene) -> list[Incident]:
     return [*faults, *(Incident(FREEZE, FOREVER, sensor) for sensor in SENSORS)]
 
 
-def words_of(fault: Incident) -> str:
+def fault_in_words(fault: Incident) -> str:
     """Return a fault in words, such as `plate_stuck of upper`."""
-    about = f" of {fault.of}" * bool(fault.of) + f" of about {fault.value:.2g}" * bool(fault.value)
-    return f"{fault.fault}{about}"
+    details = f" of {fault.of}" * bool(fault.of) + f" of about {fault.value:.2g}" * bool(fault.value)
+    return f"{fault.fault}{details}"

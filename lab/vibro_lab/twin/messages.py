@@ -1,8 +1,8 @@
-"""The messages of a twin: what it hears of its robot, and what it publishes.
+"""The messages of a twin: measurements and commands of its robot, and what it publishes.
 
-`Hearing` reads messages of sensors as measurements, and commands, and refuses the rest. Messages are polled as bytes,
-because eight hundred messages a second would wake the executor as often. A measurement counts at its stamp, a command
-at its arrival. `Telling` publishes the estimate, the innovations, the parameters, and the state of robot and twin.
+`RobotSubscriptions` reads measurements and commands, and refuses the rest. It polls messages as bytes, because eight
+hundred messages a second would wake the executor as often. A measurement counts at its stamp, a command at its arrival.
+`TwinPublishers` publishes the estimate, the innovations, the parameters, and the state of robot and twin.
 """
 
 import math
@@ -40,20 +40,20 @@ Numbers = list[tuple[str, float, float]]
 
 class _SensorTopic(NamedTuple):
     type: type
-    read: Callable[["Hearing", Any], Numbers]
+    read: Callable[["RobotSubscriptions", Any], Numbers]
 
 
-class Hearing:
+class RobotSubscriptions:
     """The subscriptions of a twin to the sensors and commands of `scene`, the robot as it is believed to be.
 
-    `heard` counts the messages by topic; refusals are counted by the node. An `odom` whose variances are 0, which is a
-    simulated robot's truth or no statement, is not used. `waited` is the time [s] between the last two polls of the
-    measurements, in which messages wait for this node. `joint_noise` is the standard deviation [m] of the positions in
-    `joint_states`; 0 if nobody measures them.
+    `received` counts the messages by topic; the node counts refusals. An `odom` whose variances are 0 is not used: it
+    is a simulated robot's truth, or has no statement. `waited` is the time [s] between the last two polls of the
+    measurements, during which messages waited for this node. `joint_noise` is the standard deviation [m] of the
+    positions in `joint_states`; 0 if nobody measures them.
     """
 
     def __init__(self, node: GuardedNode, scene: Scene, joint_noise: float):
-        self.heard, self.waited, self._polled = Counter[str](), 0.0, 0
+        self.received, self.waited, self._polled = Counter[str](), 0.0, 0
         self._node, self._scene, self._joint_noise = node, scene, joint_noise
         self._angle, self._angles, self._turns = math.nan, (math.inf, -math.inf), 0
         self._tick = (2.0 * math.pi / scene["sensors.encoder.ticks"])**2 / 12.0
@@ -78,7 +78,7 @@ class Hearing:
                 except ValueError as error:
                     self._node.refusals.refuse(subscription.topic, str(error))
                     continue
-                self.heard[name if numbers else f"{name}, without a variance"] += 1
+                self.received[name if numbers else f"{name}, without a variance"] += 1
                 for field, value, variance in numbers:
                     limit = self._limit if field in ACCELERATIONS else math.inf
                     yield stamp, MeasuredNumber(0.0, field, value, variance, limit)
@@ -95,7 +95,7 @@ class Hearing:
                     continue
                 for fault in faults:
                     self._node.refusals.refuse(subscription.topic, fault)
-                self.heard[name] += 1
+                self.received[name] += 1
                 if given:
                     yield arrived, given
 
@@ -122,10 +122,10 @@ class Hearing:
     def _of_encoder(self, message: Any) -> Numbers:
         if "crank" not in message.name or len(message.position) != len(message.name):
             raise ValueError("no position of the joint crank")
-        return [("crank_angle", self._counted_on(float(message.position[message.name.index("crank")])), self._tick)]
+        return [("crank_angle", self._unwrapped(float(message.position[message.name.index("crank")])), self._tick)]
 
-    def _counted_on(self, angle: float) -> float:
-        """Return the crank's angle [rad] counted on over the turns, also where the encoder gives it within one turn."""
+    def _unwrapped(self, angle: float) -> float:
+        """Return the crank's angle [rad] with all its turns, also where the encoder gives it within one turn."""
         last, (low, high) = self._angle, self._angles
         self._angle, self._angles = angle, (min(low, angle), max(high, angle))
         if self._angles[1] - self._angles[0] <= ONE_TURN and abs(angle - last) > math.pi:
@@ -142,18 +142,20 @@ class Hearing:
 
 
 SENSORS: Mapping[str, _SensorTopic] = {
-    "tracking": _SensorTopic(PoseWithCovarianceStamped, Hearing._of_tracking),
-    "odom": _SensorTopic(Odometry, Hearing._of_odometry),
-    "imu/data_raw": _SensorTopic(Imu, Hearing._of_imu),
-    "encoder": _SensorTopic(JointState, Hearing._of_encoder),
-    "joint_states": _SensorTopic(JointState, Hearing._of_joints),
+    "tracking": _SensorTopic(PoseWithCovarianceStamped, RobotSubscriptions._of_tracking),
+    "odom": _SensorTopic(Odometry, RobotSubscriptions._of_odometry),
+    "imu/data_raw": _SensorTopic(Imu, RobotSubscriptions._of_imu),
+    "encoder": _SensorTopic(JointState, RobotSubscriptions._of_encoder),
+    "joint_states": _SensorTopic(JointState, RobotSubscriptions._of_joints),
 }
 """Topics of sensors by the robot's own names."""
 
 
 def _checked_stamp(stamp: Any, now: int, waited: float) -> int:
-    """Return a stamp [ns] (ValueError if it is far from the ROS time `now` [ns]); its message may have been waiting for
-    this node for the time `waited` [s], which is no difference of clocks."""
+    """Return a stamp [ns] (ValueError if it is far from the ROS time `now` [ns]).
+
+    The message may have waited for this node for up to `waited` [s], which is no difference of clocks.
+    """
     behind = (now - (at := 1_000_000_000 * stamp.sec + stamp.nanosec)) * 1e-9
     if not -EARLIEST <= behind <= OLDEST + waited:
         side = "behind" if behind > 0.0 else "ahead of"
@@ -172,7 +174,7 @@ _SECOND = 1_000_000_000  # ns
 _UNKNOWN = 1e6  # variance of what the planar model leaves at 0
 
 
-class Telling:
+class TwinPublishers:
     """The publishers of a twin; every frame's name begins with `prefix`."""
 
     def __init__(self, node: Node, prefix: str):
@@ -188,8 +190,8 @@ class Telling:
         header.stamp.sec, header.stamp.nanosec = divmod(stamp, _SECOND)
         return header
 
-    def tell(self, stamp: int, estimate: Estimate, innovations: list[Innovation]) -> None:
-        """Publish what a step has given, at its instant, the ROS time `stamp` [ns]."""
+    def publish_step(self, stamp: int, estimate: Estimate, innovations: list[Innovation]) -> None:
+        """Publish the results of a filter step at its instant, the ROS time `stamp` [ns]."""
         message = Odometry(header=self._header(stamp, "odom"), child_frame_id=self._prefix + "base_link")
         mean, variance = ({name: float(row[k]) for name, k in INDEX.items()} for row in (
             estimate.mean, estimate.variance))
@@ -211,10 +213,10 @@ class Telling:
 
     def report(self, now: int, departure: Departure | None, troubles: list[str], values: Mapping[str, str]) -> None:
         """Publish the diagnostics at ROS time `now` [ns]; `troubles` are sentences on the twin itself."""
-        said = [*([f"the robot has left the model: {departure.words}"] if departure else []), *troubles]
+        complaints = [*([f"the robot has left the model: {departure.words}"] if departure else []), *troubles]
         name = self._node.get_fully_qualified_name()
         status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if said else DiagnosticStatus.OK, name=f"{name.lstrip('/')}: twin",
-            message=", ".join(said) or "the robot moves as the model", hardware_id=name,
+            level=DiagnosticStatus.WARN if complaints else DiagnosticStatus.OK, name=f"{name.lstrip('/')}: twin",
+            message=", ".join(complaints) or "the robot moves as the model", hardware_id=name,
             values=[KeyValue(key=key, value=value) for key, value in values.items()])
         self._diagnostics.publish(DiagnosticArray(header=self._header(now), status=[status]))

@@ -1,4 +1,4 @@
-"""The particles of the online estimator: simulators with parameters of their own, and Kalman filters beside them.
+"""The online estimator's settings and particles: simulators with parameters of their own, and Kalman filters.
 
 A body's position enters no equation, so each particle has a Kalman filter of the place where its simulation began. An
 encoder is finer than particles could ever lie, so each has a Kalman filter of its crank's angle, too.
@@ -7,14 +7,78 @@ encoder is finer than particles could ever lie, so each has a Kalman filter of i
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from vibro_lab.twin.settings import STEP, FilterSettings
 from vibro_ros import ACCELERATIONS, SAMPLE_FIELDS, Scene, SimulationError, Simulator, force_at_rest
 
 INDEX = {name: k for k, name in enumerate(SAMPLE_FIELDS)}
+"""Column of each field in `Simulator.values`."""
+STEP = 0.05
+"""Duration of a step of the filter [s]."""
+
+
+@dataclass(frozen=True)
+class FilterSettings:
+    """The tuned numbers of the filter, in SI units: the meaning of each, and why it has this value.
+
+    They were chosen on the robots of `lab/test/twin/following.py`; `python lab/test/twin/following.py settings` halves
+    and doubles each of them and prints which of the twin's verdicts change.
+    """
+
+    # What a command and a measurement are worth
+    latency: float = 0.0025  # s; mean time from a command's arrival to its effect: half a tick of a robot at 200 Hz
+    lateness: float = 0.05  # s; standard deviation of that time: a busy machine delivers a message late now and then
+    most_measured: int = 5  # of a quantity in a step; each instant costs all particles some microseconds
+    tail: float = 4.0  # degrees of freedom of the Student distribution of errors
+    acceleration_error: float = 0.6  # m/s²; what even the best particle lacks, besides the errors of the sensor
+    crank_error: float = 1e-3  # rad; the same for the angle of the crank
+    motor_speed_error: float = 0.5  # rad/s
+
+    # Random walks of what the sensors' readings differ by from what the simulations say, in a second
+    place_walk: float = 0.003  # m; the mean speed of a particle has errors
+    bias_walk: float = 1e-3  # m/s²; of an IMU
+    crank_walk: float = 1e-4  # rad; of a motor with a commanded speed
+    loaded_crank_walk: float = 1e-2  # rad; of a dc motor, whose crank does not turn evenly
+    least_turn: float = 1e-3  # rad; smallest correction of a crank's angle: each one begins a segment, and costs time
+
+    # Weights, and copies of likely particles
+    in_use: float = 0.4  # share of effective particles that tempering leaves
+    resampled: float = 0.9  # share of effective particles below which they are resampled
+    forgetting: float = 0.05  # share by which the logarithms of a copy's parameters are drawn to their mean
+    pull: float = 0.05  # share by which that mean is drawn to what was believed: copies would soon share wrong ones
+    place_scatter: float = 1.5e-6  # m; noise of the masses' places in each copy: a chaotic robot makes of more
+    speed_scatter: float = 1.5e-4  # m/s; an error that no measurement takes back
+    state_scatter: float = 0.1  # share of the particles' own deviation that is added to that noise
+
+    # The start
+    unlike_speed: float = 5.0  # rad/s; difference from which the encoder's speed is adopted
+    unlike_angle: float = 0.1  # rad; difference from which the encoder's angle is adopted
+    first_speed: float = 0.5  # s; the speed is then measured again over this time: at first the encoder is coarse
+
+    # What is published
+    least_place_deviation: float = 1e-4  # m; no estimate claims to be better, whatever the particles agree on
+    least_speed_deviation: float = 3e-4  # m/s
+    growth_memory: float = 1.0  # s; over which the innovations are averaged that let the speed's variance grow
+
+    # When a robot has left the model, and which fault it has
+    unusual: float = 4.0  # mean normalised square of innovations that is unusual when four times the usual one is added
+    memory: float = 3.0  # s; over which the usual square is found
+    most_usual: float = 25.0  # largest square that counts for it
+    settling: float = 1.0  # s after a start in which nothing counts as unusual
+    unexplained: float = 0.6  # s after which a departure without a name is reported
+    given_up: float = 3.0  # s after which the filter starts again
+    recent_begin: int = 4  # steps before now at which a fault may have begun that shows at once,
+    early_begin: int = 10  # and at which one that shows slowly
+    most_kept: int = 20  # steps that are kept for replays: a stuck plate shows so long after its command
+    replayed: int = 4  # particles whose states are kept for replays
+    check_period: float = 0.2  # s; least time between two comparisons of faults, each of which costs some tenths
+    replayed_phase: float = 0.03  # rad; least deviation of a crank's angle in replays, which do not correct it
+    named: float = 15.0  # log ratio of likelihoods from which a fault is named: many a fault is likelier than a lost
+    margin: float = 5.0  # chaotic robot without one; and by how much it must exceed every other fault
+    repeated: int = 5  # least number of equal values by which a sensor may have frozen
 
 
 class MeasuredNumber(NamedTuple):
@@ -85,12 +149,12 @@ class KeptParticle(NamedTuple):
 
 
 class Offsets:
-    """Kalman filters of the particles: of the offset of each field in `walks`, by which a measurement differs from what
-    the particle's simulation says of it besides noise. Each offset is a random walk.
+    """Kalman filters of the particles, one for the offset of each field in `_walks`.
 
-    The arrays in `mean` and `variance`, by field, have the shape (particles,). The crank's mean stays 0, because the
-    simulation is turned instead. `misfit` is the sum of what the errors of `heard` measurements cost in log
-    likelihood, half a unit each on average if model and noise are right; the crank's angle is left out, because
+    An offset is the difference, besides noise, between a measurement and the particle's simulation; it is a random
+    walk. The arrays in `mean` and `variance`, by field, have the shape (particles,). The crank's mean stays 0, because
+    the simulation is turned instead. `misfit` is the sum of the log likelihoods that the errors of `misfit_count`
+    measurements cost, half a unit each on average if model and noise are right. The crank's angle is left out, because
     replays do not correct it.
     """
 
@@ -102,21 +166,21 @@ class Offsets:
                              "crank_angle": settings.crank_error, "motor_speed": settings.motor_speed_error}
         self.mean = {"body_position": np.zeros(count)}
         self.variance = {"body_position": np.full(count, 1e6), "crank_angle": np.full(count, 1e-6)}
-        self.misfit, self.heard = np.zeros(count), 0
+        self.misfit, self.misfit_count = np.zeros(count), 0
 
-    def part(self, chosen: np.ndarray) -> "Offsets":
+    def of_particles(self, chosen: np.ndarray) -> "Offsets":
         """Return the filters of the particles `chosen`, by number."""
-        part = Offsets(len(chosen), self._settings)
-        part.mean = {field: values[chosen] for field, values in self.mean.items()}
-        part.variance = {field: values[chosen] for field, values in self.variance.items()}
-        return part
+        offsets = Offsets(len(chosen), self._settings)
+        offsets.mean = {field: values[chosen] for field, values in self.mean.items()}
+        offsets.variance = {field: values[chosen] for field, values in self.variance.items()}
+        return offsets
 
     def error_of(self, measurement: MeasuredNumber) -> float:
-        """Return the variance of what separates a measurement from the best particle: sensor and model."""
+        """Return the variance of the difference between a measurement and the best particle: of sensor and model."""
         return measurement.variance + self._model_error.get(measurement.field, 0.0)**2
 
     def grow(self, faster: np.ndarray | float, is_loaded: bool) -> None:
-        """Increase the variances by what a step may add; the cranks have become `faster` by so much [rad/s].
+        """Increase the variances for one step, in which the cranks' speed has grown by `faster` [rad/s].
 
         A change of speed begins at an instant that is known to `FilterSettings.lateness` only. A dc motor is loaded, so
         that its crank does not turn evenly.
@@ -128,24 +192,24 @@ class Offsets:
 
     def weigh(self, measured: Sequence[MeasuredNumber], predicted: np.ndarray, weights: np.ndarray
               ) -> tuple[np.ndarray, np.ndarray, list[Innovation]]:
-        """Update the offsets by measurements in their order, of which `predicted` has what each particle predicts, or
-        NaN.
+        """Update the offsets by measurements in their order.
 
-        Returns log likelihoods and angles [rad] to turn the cranks by, shape (particles,) each, and the innovations of
-        the particles with the given `weights`.
+        `predicted`, shape (particles, measurements), has the prediction of each particle, or NaN. Returns log
+        likelihoods and angles [rad] to turn the cranks by, shape (particles,) each, and the innovations of the
+        particles with the given `weights`.
         """
-        nothing, innovations, tail = np.zeros(len(weights)), [], self._settings.tail
-        gains, angles, noise = nothing, [], 0.0
+        zeros, innovations, tail = np.zeros(len(weights)), [], self._settings.tail
+        gains, crank_errors, crank_variance = zeros, [], 0.0
         for measurement, column in zip(measured, predicted.T, strict=True):
             field = measurement.field
             known = np.isfinite(column)
             shares = np.where(known, weights, 0.0)
             if not shares.sum() > 0.0:
                 continue
-            of_offset = self.variance.get(field, nothing)
+            of_offset = self.variance.get(field, zeros)
             if field in ACCELERATIONS and field not in self.variance:
                 of_offset = np.full(len(weights), measurement.variance)  # an IMU's variance is mostly that of its bias
-            column = np.where(known, column, 0.0) + self.mean.get(field, nothing)
+            column = np.where(known, column, 0.0) + self.mean.get(field, zeros)
             column = np.clip(column, -measurement.limit, measurement.limit)
             error = np.where(known, measurement.value - column, 0.0)
             of_error = self.error_of(measurement)
@@ -158,23 +222,28 @@ class Offsets:
             innovations.append(Innovation(measurement.time, field, float(measurement.value - mean),
                                           float(shares @ ((column - mean)**2 + of_offset) + of_error)))
             if field == "crank_angle":
-                angles.append(error)
-                noise = of_error
+                crank_errors.append(error)
+                crank_variance = of_error
                 continue
-            self.misfit, self.heard = self.misfit + misfit, self.heard + 1
+            self.misfit, self.misfit_count = self.misfit + misfit, self.misfit_count + 1
             if field in self._walks:
                 doubtful = of_error * (tail + surprise) / (tail + 1.0)  # an outlier counts for less
                 share = np.where(known, of_offset / (of_offset + doubtful), 0.0)
-                self.mean[field] = self.mean.get(field, nothing) + share * error
+                self.mean[field] = self.mean.get(field, zeros) + share * error
                 self.variance[field] = (1.0 - share) * of_offset
-        turns = nothing
-        if angles:
-            error, noise, of_angle = np.mean(angles, axis=0), noise / len(angles), self.variance["crank_angle"]
-            of_angle = np.maximum(of_angle, np.where(error**2 > 9.0 * noise, error**2, 0.0))  # believe a surprise
-            share = of_angle / (of_angle + noise)
-            if np.abs(share * error).max() > self._settings.least_turn:
-                turns, self.variance["crank_angle"] = share * error, (1.0 - share) * of_angle
+        turns = self._crank_turns(crank_errors, crank_variance) if crank_errors else zeros
         return gains, turns, innovations
+
+    def _crank_turns(self, errors: Sequence[np.ndarray], variance: float) -> np.ndarray:
+        """Update the crank's filter by errors of its angle [rad] with a variance; returns angles to turn the cranks by.
+        """
+        error, noise, of_angle = np.mean(errors, axis=0), variance / len(errors), self.variance["crank_angle"]
+        of_angle = np.maximum(of_angle, np.where(error**2 > 9.0 * noise, error**2, 0.0))  # believe a surprise
+        share = of_angle / (of_angle + noise)
+        if np.abs(share * error).max() <= self._settings.least_turn:
+            return np.zeros_like(error)
+        self.variance["crank_angle"] = (1.0 - share) * of_angle
+        return share * error
 
 
 def run(particles: Sequence[Particle], measured: Sequence[MeasuredNumber],

@@ -18,7 +18,7 @@ from dataclasses import replace
 
 from vibro_lab.executables import EXECUTABLES
 from vibro_lab.twin.estimator import Departure, Estimator
-from vibro_lab.twin.messages import PUBLISHED, SENSORS, Hearing, Telling
+from vibro_lab.twin.messages import PUBLISHED, SENSORS, RobotSubscriptions, TwinPublishers
 from vibro_lab.twin.particles import STEP
 from vibro_ros import (
     COMMANDS,
@@ -144,16 +144,16 @@ def _new_estimator(settings: Mapping[str, Value], scene: Scene) -> Estimator:
 
 
 class Twin:
-    """Feeds an estimator with what is heard, and publishes what it says."""
+    """Feeds an estimator with measurements and commands, and publishes its estimate."""
 
     def __init__(self, node: GuardedNode, settings: Mapping[str, Value], scene: Scene, estimator: Estimator):
         self._node, self._settings, self._scene, self._estimator = node, settings, scene, estimator
-        self._hearing = Hearing(node, scene, settings["twin.joint_noise"])
-        self._telling = Telling(node, settings["frame_prefix"])
+        self._robot = RobotSubscriptions(node, scene, settings["twin.joint_noise"])
+        self._publishers = TwinPublishers(node, settings["frame_prefix"])
         self._start = self._now()  # ROS time [ns] of the estimator's time 0
         self._reported: Departure | None = None
         self._due, self._refused, self._late, self._measured = 0.0, 0, 0, 0
-        self._late_here: list[float] = []  # how long measurements had waited that are late only because of that
+        self._waits_of_late: list[float] = []  # s; of measurements that are late only because they waited for this node
 
     def _now(self) -> int:
         return self._node.get_clock().now().nanoseconds
@@ -164,15 +164,15 @@ class Twin:
         if (now - self._start) * 1e-9 < self._estimator.time - LAG:
             self._node.get_logger().warning("the clock has jumped back; the estimate starts again")
             self._estimator, self._start, self._late = _new_estimator(self._settings, self._scene), now, 0
-        for arrived, given in self._hearing.commands():
+        for arrived, given in self._robot.commands():
             delay = 0 if self._node.get_clock().ros_time_is_active else max(0, wall - arrived)
             self._estimator.command((now - self._start - delay) * 1e-9, **given)
-        for stamp, measurement in self._hearing.measurements(now):
-            was_late, waited = self._estimator.late, self._hearing.waited
+        for stamp, measurement in self._robot.measurements(now):
+            was_late, waited = self._estimator.late, self._robot.waited
             self._estimator.measure(measurement._replace(time=(stamp - self._start) * 1e-9))
             self._measured += 1
             if self._estimator.late > was_late and (now - stamp) * 1e-9 <= waited + self._settings["twin.delay"]:
-                self._late_here.append(waited)
+                self._waits_of_late.append(waited)
         target = (now - self._start) * 1e-9 - self._settings["twin.delay"]
         while not stop and self._estimator.time + STEP <= target:
             try:
@@ -181,7 +181,7 @@ class Twin:
                 self._node.refusals.catch("the estimate", error)
                 self._estimator.start_again(target)
             stamp = self._start + round(1e9 * self._estimator.time)
-            self._telling.tell(stamp, self._estimator.estimate(), self._estimator.innovations)
+            self._publishers.publish_step(stamp, self._estimator.estimate(), self._estimator.innovations)
             if self._estimator.departure != self._reported:
                 self._note(self._estimator.departure)
             self._report()
@@ -206,19 +206,19 @@ class Twin:
         troubles = [f"{refusals.count - self._refused} messages or requests refused"] * (refusals.count > self._refused)
         if behind > self._settings["twin.delay"] + LAG:
             troubles.append(f"{behind:.1f} s behind the clock; give fewer twin.particles")
-        if not self._hearing.heard.keys() & SENSORS.keys():
+        if not self._robot.received.keys() & SENSORS.keys():
             troubles.append("no sensor of a robot is heard")
         if (late := estimator.late - self._late) > 0.5 * self._measured:
-            why = ("give a longer one, or use_sim_time if the robot's time is not the clock's"
-                   if len(self._late_here) < 0.5 * late else
-                   f"they waited up to {max(self._late_here):.1f} s for this node, which lacks time to compute: give "
-                   "fewer twin.particles, or a computer with less to do")
+            why = "give a longer one, or use_sim_time if the robot's time is not the clock's"
+            if len(self._waits_of_late) >= 0.5 * late:
+                why = (f"they waited up to {max(self._waits_of_late):.1f} s for this node, which lacks time to "
+                       "compute: give fewer twin.particles, or a computer with less to do")
             troubles.append(f"{late} of {self._measured} measurements came later than twin.delay, and are not used; "
                             f"{why}")
-        self._late_here.clear()
+        self._waits_of_late.clear()
         self._refused, self._late, self._measured = refusals.count, estimator.late, 0
         departure = estimator.departure
-        self._telling.report(now, departure, troubles, {
+        self._publishers.report(now, departure, troubles, {
             "fault": departure.words if departure and departure.fault else "",
             "since [s]": f"{departure.since:.3f}" if departure else "",
             "noticed [s]": f"{departure.time:.3f}" if departure else "",
@@ -229,7 +229,7 @@ class Twin:
             "late measurements": f"{estimator.late}",
             "refused": f"{refusals.count}",
             "failed callbacks": f"{refusals.failures}",
-            **{f"heard on {name}": f"{count}" for name, count in sorted(self._hearing.heard.items())}})
+            **{f"heard on {name}": f"{count}" for name, count in sorted(self._robot.received.items())}})
 
 
 def _parser() -> Parser:

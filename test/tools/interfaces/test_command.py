@@ -24,7 +24,7 @@ def run(prefix: Path, **variables: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_without_a_compiler_one_line_says_so(tmp_path):
+def test_without_a_compiler_the_error_is_one_line(tmp_path):
     assert run(tmp_path, PATH="/nowhere") == [
         f"setup: types of {NAMES} not built: no C++ compiler (c++, g++, clang++); install g++{WITHOUT}"]
     assert not [*tmp_path.iterdir()]

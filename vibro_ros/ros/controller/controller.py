@@ -94,7 +94,7 @@ def _play(script: Script, settings: Mapping[str, Value], node: GuardedNode, stop
     schedule = ScriptSchedule(script, settings["reach"], odometer, send, node.get_logger().info, robot, faults)
     code = player.run(schedule.instants(settings["rate"]), settings["wait"], stop)
     if not (code or stop):
-        _say_what_still_runs(node, robot)
+        _report_motor(node, robot)
     return code
 
 
@@ -110,7 +110,8 @@ def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
                 raise ValueError(f"{file}: entry {segment.entry}: {reason}")
 
 
-def _say_what_still_runs(node: Node, robot: CommandedRobot) -> None:
+def _report_motor(node: Node, robot: CommandedRobot) -> None:
+    """Log at which speed a script that was played to its end leaves the motor."""
     topic, speed, log = node.resolve_topic_name(MOTOR), robot.sent_speed, node.get_logger()
     if speed is None:
         log.info(f"script done; it has not commanded {topic}, where the motor stays as it was")

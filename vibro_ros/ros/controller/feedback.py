@@ -13,8 +13,8 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-WITHIN = 0.005  # default tolerance of a goal [m/s or m]
-MOTOR_RANGE = (0.0, 100.0)  # default range of motor speeds [rad/s] that feedback uses
+DEFAULT_TOLERANCE = 0.005  # default tolerance of a goal [m/s or m]
+DEFAULT_MOTOR_RANGE = (0.0, 100.0)  # default range of motor speeds [rad/s] that feedback uses
 
 
 class GoalError(RuntimeError):
@@ -91,7 +91,7 @@ def direction(reach: float) -> str:
 WINDOW = 0.25  # time [s] over which a position is averaged, because the body swings with every turn of the crank
 FARTHEST = 1e9  # largest distance [m] from the origin in odometry; a sample beyond is refused
 LEAP, FASTEST = 0.1, 5.0
-"""A step between two samples of more than 0.1 m plus 5 m/s times their distance in time is a reset of odometry."""
+"""A step between two samples of more than `LEAP` [m] plus `FASTEST` [m/s] times their distance in time is a reset."""
 
 
 class MeanPosition:
@@ -149,7 +149,7 @@ LONGEST_LEAD = 0.7
 """Largest distance of the target position from the body, as time [s] at `reach`: the target does not run away from a
 robot that cannot follow, which would have to catch up later."""
 LONGEST_STEP = 0.5  # longest time [s] that one step counts for, after a pause of odometry
-SHORT = 1.0  # time [s] of the mean speeds that show when the speed has settled, and how far it strays
+SHORT_MEAN = 1.0  # time [s] of the mean speeds that show when the speed has settled, and how far it strays
 
 
 class SpeedLaw:
@@ -195,6 +195,7 @@ class SpeedLaw:
         return self._follow(elapsed, position)
 
     def _follow(self, elapsed: float, position: float) -> float:
+        """Return the motor speed [rad/s] by the PI law, `elapsed` [s] after the last step."""
         lead_most, sign = LONGEST_LEAD * abs(self._reach), 1.0 if self._reach > 0.0 else -1.0
         lead = sign * (self._target + self._goal.speed * elapsed - position)
         lead = min(max(lead, -lead_most), lead_most)
@@ -211,21 +212,22 @@ class SpeedLaw:
     def _measure(self, time: float, stamp: float, position: float) -> None:
         """Add the distance since the last step to the mean; note whether the speed has settled, and its extremes."""
         self._short.append((stamp, position))
-        while self._short[0][0] < stamp - SHORT:
+        while self._short[0][0] < stamp - SHORT_MEAN:
             self._short.popleft()
         span = stamp - self._short[0][0]
-        if span >= 0.9 * SHORT:
+        if span >= 0.9 * SHORT_MEAN:
             mean = (position - self._short[0][1]) / span
             if self._settled is None and abs(mean - self._goal.speed) <= self._goal.within:
                 self._settled = time
-                self.words.append(f"settled after {time:.1f} s: mean over {SHORT:g} s is {mean:.4f} m/s")
-            if time >= self._duration / 2.0 + SHORT:
+                self.words.append(f"settled after {time:.1f} s: mean over {SHORT_MEAN:g} s is {mean:.4f} m/s")
+            if time >= self._duration / 2.0 + SHORT_MEAN:
                 self._strays = min(mean, self._strays[0]), max(mean, self._strays[1])
         if time >= self._duration / 2.0:
             self._distance += position - self._last_position
             self._span += stamp - self._last_stamp
 
     def _finish(self) -> None:
+        """End, with a GoalError if the mean speed misses the goal."""
         self.over = True
         if self._span < self._duration / 4.0:
             raise GoalError(f"odom covers {self._span:.1f} s of the last {self._duration / 2.0:g} s: too little to "
@@ -233,7 +235,7 @@ class SpeedLaw:
         mean = self._distance / self._span
         low, high = self._strays
         summary = (f"mean speed {mean:.4f} m/s over the last {self._span:.1f} s, {low:.4f} to {high:.4f} m/s over "
-                f"{SHORT:g} s each")
+                f"{SHORT_MEAN:g} s each")
         if abs(mean - self._goal.speed) > self._goal.within:
             advice = "give more time or a wider tolerance"
             if self._at_high > self._duration / 4.0:
@@ -253,15 +255,15 @@ approach."""
 CREEP = 0.3  # least motor speed of the approach, as a share of the motor's range: below it the robot hardly moves
 BOOST = 0.1  # rate [1/s] at which this share grows while the robot does not come nearer
 LOOK_BACK = 1.0  # time [s] over which it is checked whether the robot comes nearer
-NEARER = 0.1, 0.0005
-"""The robot comes nearer if it covers this fraction of the distance in `LOOK_BACK`, or this many metres."""
-EARLY = 0.1  # the motor stops when the distance left after braking is this fraction of the tolerance
+NEARER_SHARE, NEARER_DISTANCE = 0.1, 0.0005
+"""The robot comes nearer if it covers this fraction of the distance, or this many metres, in `LOOK_BACK`."""
+STOP_MARGIN = 0.1  # the motor stops when the distance left after braking is this fraction of the tolerance
 BRAKING = 0.3
 """Time [s] for which a stopping robot counts as going on at its speed: half of its motor's ramp, and half of the window
 of the mean."""
 SPEED_OVER = 0.25  # time [s] over which the speed for the braking distance is measured
-STANDSTILL = 0.5, 0.05
-"""The body is at rest when it moved by no more than this fraction of the tolerance in this time [s]."""
+STANDSTILL_TIME, STANDSTILL_SHARE = 0.5, 0.05
+"""The body is at rest when it moves by no more than this fraction of the tolerance in this time [s]."""
 
 
 class PositionLaw:
@@ -296,7 +298,7 @@ class PositionLaw:
         self._distances.append((time, distance))
         elapsed, self._time = time - self._time, time
         ahead = distance - self._braking_distance()
-        if not self._stopping and ahead <= EARLY * self._goal.within:
+        if not self._stopping and ahead <= STOP_MARGIN * self._goal.within:
             self._stopping = True
             self._distances.clear()
             self._distances.append((time, distance))
@@ -321,21 +323,23 @@ class PositionLaw:
         return max(0.0, recent[0][1] - recent[-1][1]) / span * BRAKING if span > 0.5 * SPEED_OVER else 0.0
 
     def _approach(self, distance: float, ahead: float, elapsed: float) -> float:
+        """Return the motor speed [rad/s] at this distance, `ahead` of which is left after braking [m]."""
         while self._distances[0][0] < self._time - LOOK_BACK:
             self._distances.popleft()
-        came = self._distances[0][1] - distance
-        seen = self._time - self._distances[0][0] >= 0.9 * LOOK_BACK
-        boost = BOOST * elapsed * (1.0 if seen and came < min(NEARER[0] * distance, NEARER[1]) else -1.0)
+        approached = self._distances[0][1] - distance
+        is_stuck = (self._time - self._distances[0][0] >= 0.9 * LOOK_BACK
+                    and approached < min(NEARER_SHARE * distance, NEARER_DISTANCE))
+        boost = BOOST * elapsed if is_stuck else -BOOST * elapsed
         self._share = min(max(self._share + boost, CREEP), 1.0)
         slowed = self._share + (1.0 - self._share) * ahead / (APPROACH * abs(self._reach))
         return self._low + (self._high - self._low) * min(1.0, slowed)
 
     def _judge(self, distance: float, time: float) -> None:
         """Once the body is at rest, end if it has reached the position, else drive on."""
-        while len(self._distances) > 1 and self._distances[1][0] <= time - STANDSTILL[0]:
+        while len(self._distances) > 1 and self._distances[1][0] <= time - STANDSTILL_TIME:
             self._distances.popleft()
         moved = abs(self._distances[0][1] - distance)
-        if time - self._distances[0][0] < STANDSTILL[0] or moved > STANDSTILL[1] * self._goal.within:
+        if time - self._distances[0][0] < STANDSTILL_TIME or moved > STANDSTILL_SHARE * self._goal.within:
             return
         if distance <= self._goal.within:
             self.over = True

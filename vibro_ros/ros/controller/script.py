@@ -13,12 +13,13 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.faults import FAULTS, Incident, checked_incident
 from vibro_ros.model.parameters import nearest
-from vibro_ros.ros.controller.feedback import MOTOR_RANGE, WITHIN, Goal, PositionGoal, SpeedGoal
+from vibro_ros.ros.controller.feedback import DEFAULT_MOTOR_RANGE, DEFAULT_TOLERANCE, Goal, PositionGoal, SpeedGoal
 
 MOTOR = "motor_speed"  # the command that feedback gives
 LONGEST_SCRIPT = 100_000  # most segments that a script may unfold to; nested repeats multiply
@@ -47,10 +48,8 @@ class Segment:
     """One entry of a script, with its start and duration."""
 
     entry: str  # number of the entry in the file, from 1; "2.1" inside a block
-    # start [s] from the start of the script, and duration [s]. An entry that goes to a position lasts this long
-    # at most; if the position is reached sooner, the next entry begins sooner
-    start: float
-    duration: float
+    start: float  # [s] from the start of the script
+    duration: float  # [s]; of an entry that goes to a position the longest, because the next may begin sooner
     ramps: Mapping[str, Ramp]  # every command given so far, including those held from earlier entries
     given: tuple[str, ...]  # the commands that this entry itself gives
     note: str  # the author's note on the entry
@@ -150,6 +149,16 @@ class _EntryError(ValueError):
     """An error in an entry, whose number is already in the message."""
 
 
+class _Entry(NamedTuple):
+    """An entry of a block, with its place in the script."""
+
+    content: Mapping
+    number: str  # as in `Segment.entry`
+    start: float  # [s] from the start of the script
+    start_in_block: float  # [s] from the start of its block
+    next_content: object  # the entry after it in its block; None for the last one
+
+
 class _Unfolding:
     """Unfolds blocks into segments, and keeps the present value of each command."""
 
@@ -176,66 +185,64 @@ class _Unfolding:
             start = start_of_next
 
     def _entries(self, entries: list[object], start: float, prefix: str) -> Iterator[Segment]:
-        clock, fixed = start, self._open_ends
-        for index, entry in enumerate(entries):
-            number = f"{prefix}{index + 1}"
+        end, open_ends = start, self._open_ends  # of the previous entry, and before this block
+        for number, (content, next_content) in enumerate(zip(entries, [*entries[1:], None], strict=True), start=1):
             try:
-                if not isinstance(entry, Mapping):
-                    raise ValueError(f"{_shown(entry)} is not a mapping; give `for` and commands")
-                if "at" in entry and self._open_ends > fixed:
+                if not isinstance(content, Mapping):
+                    raise ValueError(f"{_shown(content)} is not a mapping; give `for` and commands")
+                if "at" in content and self._open_ends > open_ends:
                     raise ValueError("at: when the go_to before it in this list ends is not known; leave `at` out, or "
                                      "put the entries after the go_to into a list of their own")
-                clock = _start_of(entry, start, clock)
-                for segment in self._entry(entry, entries[index + 1:], start, clock, number):
+                begin = _start_of(content, start, end)
+                for segment in self._entry(_Entry(content, f"{prefix}{number}", begin, begin - start, next_content)):
                     self._count += 1
                     if self._count > LONGEST_SCRIPT:
                         raise ValueError(f"unfolds to more than {LONGEST_SCRIPT} entries; repeat less often")
                     yield segment
-                    clock = segment.end
+                    end = segment.end
             except _EntryError:
                 raise
             except ValueError as error:
-                raise _EntryError(f"entry {number}: {error}") from error
+                raise _EntryError(f"entry {prefix}{number}: {error}") from error
 
-    def _entry(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
-               ) -> Iterator[Segment]:
-        if "entries" in entry or "repeat" in entry:
-            yield from self.block(entry, start, f"{number}.")
-        elif any(key in entry for key in GOAL_KEYS):
-            yield self._goal_segment(entry, later, block_start, start, number)
+    def _entry(self, entry: _Entry) -> Iterator[Segment]:
+        if "entries" in entry.content or "repeat" in entry.content:
+            yield from self.block(entry.content, entry.start, f"{entry.number}.")
+        elif any(key in entry.content for key in GOAL_KEYS):
+            yield self._goal_segment(entry)
         else:
-            yield self._command_segment(entry, later, block_start, start, number)
+            yield self._command_segment(entry)
 
-    def _command_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
-                         ) -> Segment:
-        _refuse_unknown(entry, ("at", "for", "note", *_FAULT_KEYS, *COMMAND_UNITS, *GOAL_KEYS))
-        duration = _duration(entry, later, start - block_start)
-        given = {name: self._ramp(name, entry[name]) for name in COMMAND_UNITS if name in entry}
+    def _command_segment(self, entry: _Entry) -> Segment:
+        content = entry.content
+        _refuse_unknown(content, ("at", "for", "note", *_FAULT_KEYS, *COMMAND_UNITS, *GOAL_KEYS))
+        duration = _duration(entry)
+        given = {name: self._ramp(name, content[name]) for name in COMMAND_UNITS if name in content}
         ramps = {name: Ramp(value, value) for name, value in self._last.items()} | given
         self._last = {name: ramp.end for name, ramp in ramps.items()}
-        return Segment(number, start, duration, ramps, tuple(given), str(entry.get("note", "")),
-                       incident=_incident(entry, duration))
+        return Segment(entry.number, entry.start, duration, ramps, tuple(given), str(content.get("note", "")),
+                       incident=_incident(content, duration))
 
-    def _goal_segment(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
-                     ) -> Segment:
+    def _goal_segment(self, entry: _Entry) -> Segment:
         """Return the segment of an entry with a goal; only after `go_to` the motor's command is known, which is 0."""
-        goal = _read_goal(entry)
+        content = entry.content
+        goal = _read_goal(content)
         reaches = isinstance(goal, PositionGoal)
         if not reaches:
-            duration = _duration(entry, later, start - block_start)
+            duration = _duration(entry)
             if duration < SHORTEST:
                 raise ValueError(f"hold_speed: {duration:g} s is too short to settle and to be measured; give at least "
                                  f"{SHORTEST:g} s")
-        elif "timeout" in entry:
-            duration = _positive_number(entry["timeout"], "timeout", "s")
+        elif "timeout" in content:
+            duration = _positive_number(content["timeout"], "timeout", "s")
         else:
             raise ValueError("go_to: no longest time; give `timeout: <seconds>`")
         self._open_ends += reaches
-        levels = {name: _finite_number(entry[name], name, "m") for name in _GAPS if name in entry}
+        levels = {name: _finite_number(content[name], name, "m") for name in _GAPS if name in content}
         held = {name: value for name, value in self._last.items() if name != MOTOR} | levels
         self._last = held | ({MOTOR: 0.0} if reaches else {})
-        return Segment(number, start, duration, {name: Ramp(value, value) for name, value in held.items()},
-                       tuple(levels), str(entry.get("note", "")), goal)
+        ramps = {name: Ramp(value, value) for name, value in held.items()}
+        return Segment(entry.number, entry.start, duration, ramps, tuple(levels), str(content.get("note", "")), goal)
 
     def _ramp(self, name: str, value: object) -> Ramp:
         unit = COMMAND_UNITS[name]
@@ -251,25 +258,26 @@ class _Unfolding:
         return Ramp(start, _finite_number(value["to"], name, unit))
 
 
-def _start_of(entry: Mapping, block_start: float, clock: float) -> float:
-    if "at" not in entry:
-        return clock
-    at = _finite_number(entry["at"], "at", "s")
+def _start_of(content: Mapping, block_start: float, end: float) -> float:
+    """Return the start [s] of an entry in the script, whose previous entry ends at `end`."""
+    if "at" not in content:
+        return end
+    at = _finite_number(content["at"], "at", "s")
     if at < 0.0:
         raise ValueError(f"at: {at:g} is negative; give a time of at least 0 s")
     # both a block's start plus `at` and the end of the previous entry are rounded
-    if block_start + at < clock - 1e-9 * max(1.0, clock):
-        raise ValueError(f"at: {at:g} s lies before the end of the entry before it, {clock - block_start:g} s")
-    return max(block_start + at, clock)
+    if block_start + at < end - 1e-9 * max(1.0, end):
+        raise ValueError(f"at: {at:g} s lies before the end of the entry before it, {end - block_start:g} s")
+    return max(block_start + at, end)
 
 
-def _duration(entry: Mapping, later: list[object], start: float) -> float:
+def _duration(entry: _Entry) -> float:
     """Return the duration [s] of an entry: `for`, or the time until the next entry's `at`."""
-    if "for" in entry:
-        duration, key = _finite_number(entry["for"], "for", "s"), "for"
-    elif later and isinstance(later[0], Mapping) and "at" in later[0]:
-        at = _finite_number(later[0]["at"], "at of the entry after it", "s")
-        duration, key = at - start, "at of the next entry"
+    if "for" in entry.content:
+        duration, key = _finite_number(entry.content["for"], "for", "s"), "for"
+    elif isinstance(entry.next_content, Mapping) and "at" in entry.next_content:
+        at = _finite_number(entry.next_content["at"], "at of the entry after it", "s")
+        duration, key = at - entry.start_in_block, "at of the next entry"
     else:
         raise ValueError("no duration; give `for: <seconds>`, or `at` in the entry after it")
     if duration <= 0.0:
@@ -277,25 +285,25 @@ def _duration(entry: Mapping, later: list[object], start: float) -> float:
     return duration
 
 
-def _incident(entry: Mapping, duration: float) -> Incident | None:
+def _incident(content: Mapping, duration: float) -> Incident | None:
     """Return the entry's fault, which lasts as long as the entry; None if it names none."""
-    if "fault" not in entry:
-        if given := [key for key in _FAULT_KEYS if key in entry]:
+    if "fault" not in content:
+        if given := [key for key in _FAULT_KEYS if key in content]:
             raise ValueError(f"{given[0]}: belongs to a fault; give `fault`, one of {', '.join(FAULTS)}")
         return None
-    return checked_incident(duration=duration, **{key: entry[key] for key in _FAULT_KEYS if key in entry})
+    return checked_incident(duration=duration, **{key: content[key] for key in _FAULT_KEYS if key in content})
 
 
-def _read_goal(entry: Mapping) -> Goal:
+def _read_goal(content: Mapping) -> Goal:
     """Return the goal of an entry with one of `GOAL_KEYS`; the entry may also give gaps."""
-    if all(key in entry for key in GOAL_KEYS):
+    if all(key in content for key in GOAL_KEYS):
         raise ValueError("hold_speed and go_to: one entry has one goal; make two entries of it")
-    motor = _motor_range(entry.get("motor_speed", {}))
-    key, lasts, unit, kind = (("go_to", "timeout", "m", PositionGoal) if "go_to" in entry else
-                              ("hold_speed", "for", "m/s", SpeedGoal))
-    _refuse_unknown(entry, ("at", lasts, "note", key, "within", "motor_speed", *_GAPS))
-    return kind(_finite_number(entry[key], key, unit), _positive_number(entry.get("within", WITHIN), "within", unit),
-                motor)
+    motor = _motor_range(content.get("motor_speed", {}))
+    key, duration_key, unit, kind = (("go_to", "timeout", "m", PositionGoal) if "go_to" in content else
+                                     ("hold_speed", "for", "m/s", SpeedGoal))
+    _refuse_unknown(content, ("at", duration_key, "note", key, "within", "motor_speed", *_GAPS))
+    tolerance = _positive_number(content.get("within", DEFAULT_TOLERANCE), "within", unit)
+    return kind(_finite_number(content[key], key, unit), tolerance, motor)
 
 
 def _motor_range(value: object) -> tuple[float, float]:
@@ -305,7 +313,7 @@ def _motor_range(value: object) -> tuple[float, float]:
                          "{from: …, to: …}, or leave it out")
     _refuse_unknown(value, ("from", "to"), "motor_speed: ")
     low, high = (_finite_number(value.get(key, default), "motor_speed", COMMAND_UNITS[MOTOR])
-                 for key, default in zip(("from", "to"), MOTOR_RANGE, strict=True))
+                 for key, default in zip(("from", "to"), DEFAULT_MOTOR_RANGE, strict=True))
     if low >= high:
         raise ValueError(f"motor_speed: from {low:g} to {high:g} rad/s is no range; give `to` above `from`")
     if low < 0.0:
@@ -314,18 +322,18 @@ def _motor_range(value: object) -> tuple[float, float]:
     return low, high
 
 
-def _positive_number(value: object, what: str, unit: str) -> float:
-    number = _finite_number(value, what, unit)
+def _positive_number(value: object, name: str, unit: str) -> float:
+    number = _finite_number(value, name, unit)
     if number <= 0.0:
-        raise ValueError(f"{what}: {number:g} is not above 0; give a number above 0 {unit}")
+        raise ValueError(f"{name}: {number:g} is not above 0; give a number above 0 {unit}")
     return number
 
 
-def _finite_number(value: object, what: str, unit: str) -> float:
+def _finite_number(value: object, name: str, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ValueError(f"{what}: {_shown(value)} is not a number; give a number in {unit}")
+        raise ValueError(f"{name}: {_shown(value)} is not a number; give a number in {unit}")
     if not abs(value) <= sys.float_info.max:  # also false for NaN
-        raise ValueError(f"{what}: {value} is not finite; give a number in {unit}")
+        raise ValueError(f"{name}: {value} is not finite; give a number in {unit}")
     return float(value)
 
 

@@ -18,7 +18,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node.node import PollingSubscription, qos_profile
 
 SPEED = "motor_speed"
-MOST = 200  # most messages of one topic that are taken in one batch
+MOST_TAKEN = 200  # most messages of one topic that are taken in one batch
 RETURN_TIMEOUT = 3.0  # time [s] that a page gets to come back after it was reloaded or lost its connection
 REPEATS = 3  # number of times that the motor's command is sent in one `command.timeout`, so that one or two may be lost
 STOP_ATTEMPTS = 8
@@ -31,9 +31,8 @@ seconds in all, because `ros2 launch` kills a program 5 s after its SIGTERM."""
 class PageCommands:
     """Publishes and follows the commands of one robot, in the executor's thread, by the clock `now` [s].
 
-    `in_force` has the commands [SI] of this run that are in effect, by topic. A missing command was not sent, or is not
-    known; then only the samples show what the robot does. `of_page` says whether a page's command keeps the motor
-    turning.
+    `in_force` has the commands [SI] of this run that are in effect, by topic; a command that was not sent, or is not
+    known, is missing. `of_page` is whether a page's command keeps the motor turning.
     """
 
     def __init__(self, node: Node, now: Callable[[], float] = time.monotonic):
@@ -41,14 +40,14 @@ class PageCommands:
         self.of_page = False
         self._topics = {name: PollingSubscription(node, Float64, name, qos_profile(name)) for name in COMMAND_UNITS}
         self._publishers = {name: node.create_publisher(Float64, name, qos_profile(name)) for name in COMMAND_UNITS}
-        self._sent = deque[float](maxlen=MOST)  # speeds sent by pages, not yet received back
+        self._sent = deque[float](maxlen=MOST_TAKEN)  # speeds sent by pages, not yet received back
         self._now = now
         self._page_seen_at = self._repeated_at = now()
 
     def send(self, name: str, value: float, answer: Callable[[bool, str], object]) -> None:
         """Publish a command unchecked: the robot knows its limits and reports a refusal."""
         publisher = self._publishers[name]
-        if not publisher.get_subscription_count() > 1:  # the view itself is one subscriber
+        if publisher.get_subscription_count() <= 1:  # the view itself is one subscriber
             answer(False, f"nobody listens to {publisher.topic_name}; is the robot running?")
             return
         self._publish(name, value)
@@ -60,7 +59,7 @@ class PageCommands:
         Without a `scene` there is no robot, and all commands are forgotten.
         """
         for name, topic in self._topics.items():
-            for data, _ in topic.take(MOST):
+            for data, _ in topic.take(MOST_TAKEN):
                 if scene is None or (value := _valid(scene, name, data)) is None:
                     continue
                 self.in_force[name] = value

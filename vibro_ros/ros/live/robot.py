@@ -1,4 +1,4 @@
-"""A live robot as the view receives it: its scene, its samples and status, and in words why there are none.
+"""A live robot as the view receives it: its scene, its samples and status, and why there are none.
 
 Samples wait in DDS until the view polls: an executor's turn costs 0.15 to 0.5 ms, too much for each of 1000 messages a
 second when the page shows 30 pictures a second; taken in batches, a message costs some 30 us. Any program can publish
@@ -31,7 +31,7 @@ from vibro_ros.ros.node.robot_parameters import SceneReader, Settings
 from vibro_ros.simulation.samples import FIELDS, TIME
 
 SECOND = 1_000_000_000  # nanoseconds in a second
-MOST = 500  # most samples taken in one batch, 15,000 a second; of more, DDS drops the oldest
+MOST_SAMPLES = 500  # most samples taken in one batch, 15,000 a second; DDS drops the oldest of more samples
 LONGEST = 10_000  # longest message [bytes] that is read; a sample has about a thousand
 LONGEST_RUN = 1e8  # longest robot time [s], three years; later times do not have nanoseconds as a float
 SILENCE_TIMEOUT = 3.0
@@ -70,7 +70,7 @@ class LiveRobot:
         if self.settings is None and not (self._fault or self.reader.reading):
             self.reader.read()
         self.reader.tick()
-        messages = self._samples.take(MOST)
+        messages = self._samples.take(MOST_SAMPLES)
         if self.settings is None:
             return _NO_ROWS
         samples = [read for data, _ in messages if (read := read_sample(data))]
@@ -210,7 +210,7 @@ class Runs:
         return has_restarted
 
 
-MOST_REPORTS = 200  # most messages of one topic that are taken in one batch; of more, DDS drops the oldest
+MOST_REPORTS = 200  # most messages of one topic that are taken in one batch; DDS drops the oldest of more messages
 LONGEST_REPORT = 100_000  # longest message [bytes] that is read
 LONGEST_LINE = 500  # longest line [characters] that is shown
 _NO_RECORDING, _FAULT = "not recording", 2

@@ -259,7 +259,7 @@ class LivePage:
         server.send(*self._frame(presence))
 
     def _forward_reports(self, server: Server) -> None:
-        """Forward what the robot publishes besides samples: operations, impacts and log."""
+        """Forward the robot's operations, impacts and log."""
         robot, operations = self._robot, self._robot_status.operations()
         run = robot.origin, robot.silences
         goes_on, self._run = run == self._run, run  # else earlier commands do not hold any more
@@ -268,18 +268,21 @@ class LivePage:
             self._robot.reader.read()
         if operations and self._robot_status.status:
             server.send("status", self._status())
-        last, origin = self._history.last(), self._presence.origin
-        impacts = [((impact.stamp - origin) * 1e-9, impact) for impact in self._robot_status.impacts()
-                   if origin is not None]
-        if last is not None:
-            near = [Impact(time, time, impact.side, impact.peak_force) for time, impact in impacts
-                    if -IMPACT_MARGIN < time < last[_TIME] + IMPACT_MARGIN]
-            self._history.add_impacts(near)
-            if near:
-                server.send("impacts", text_frame("impacts", list=[
-                    {"time": impact.time, "side": impact.side, "peak_force": impact.peak_force} for impact in near]))
+        self._forward_impacts(server)
         for level, words in self._robot_status.log():
             server.send("log", text_frame("log", level=level, words=words))
+
+    def _forward_impacts(self, server: Server) -> None:
+        """Forward the impacts whose stamps fit the samples of this run; any program can publish others."""
+        reported, last, origin = self._robot_status.impacts(), self._history.last(), self._presence.origin
+        if last is None or origin is None:
+            return
+        impacts = [Impact(time, time, impact.side, impact.peak_force) for impact in reported
+                   if -IMPACT_MARGIN < (time := (impact.stamp - origin) * 1e-9) < last[_TIME] + IMPACT_MARGIN]
+        self._history.add_impacts(impacts)
+        if impacts:
+            server.send("impacts", text_frame("impacts", list=[
+                {"time": impact.time, "side": impact.side, "peak_force": impact.peak_force} for impact in impacts]))
 
     def _watch_commands(self, server: Server) -> None:
         """Send the commands in force to the pages, and stop a motor that closed pages have left turning."""
@@ -348,17 +351,17 @@ class Requests:
         """Which services the robot offers."""
         return {name: client.service_is_ready() for name, client in self._clients.items()}
 
-    def ask(self, asked: Request, answer: Answer) -> None:
+    def ask(self, request: Request, answer: Answer) -> None:
         """Call a service or set a parameter of the robot; `answer` is called with the outcome."""
-        client = self._clients[asked.name] if asked.kind == CALL else self._setting
+        client = self._clients[request.name] if request.kind == CALL else self._setting
         if not client.service_is_ready():
             answer(False, f"nobody offers {client.srv_name}; is the robot running?")
         elif len(self._waiting) >= MOST_WAITING:
             answer(False, f"{MOST_WAITING} requests wait for the robot's answer already; ask again later")
         else:
-            waiting = _Waiting(client.srv_name, answer, monotonic(), client.call_async(_message(asked)))
+            waiting = _Waiting(client.srv_name, answer, monotonic(), client.call_async(_message(request)))
             self._waiting.append(waiting)
-            waiting.sent.add_done_callback(lambda done: self._take(waiting))
+            waiting.sent.add_done_callback(lambda _: self._take(waiting))
 
     def tick(self) -> None:
         """Give up requests that have waited too long; to be called often."""
@@ -381,8 +384,9 @@ class Requests:
         waiting.answer(bool(done), one_line(words, 500))
 
 
-def _message(asked: Request) -> Any:
-    """Return the request message for a page's request."""
-    if asked.kind != CALL:
-        return SetParameters.Request(parameters=[ParameterOfRclpy(asked.name, value=asked.value).to_parameter_msg()])
-    return Trigger.Request() if asked.value is None else SetBool.Request(data=asked.value)
+def _message(request: Request) -> Any:
+    """Return the message of a service for a page's request."""
+    if request.kind != CALL:
+        parameter = ParameterOfRclpy(request.name, value=request.value)
+        return SetParameters.Request(parameters=[parameter.to_parameter_msg()])
+    return Trigger.Request() if request.value is None else SetBool.Request(data=request.value)

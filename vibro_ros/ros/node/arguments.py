@@ -20,7 +20,7 @@ FILE = "--params-file"
 EXAMPLES = {**dict.fromkeys(OVERRIDE, "scene:=paper"), **dict.fromkeys(REMAP, "odom:=body/odom"), FILE: "robot.yaml"}
 """Example of a value for each option of ROS."""
 TOPIC_LENGTH = 247  # longest full name of a topic [characters] in rcl and rmw
-TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
+SHARED_TOPICS = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
 """Topics that nodes share, which no other topic may be remapped to."""
 
 
@@ -36,10 +36,11 @@ def own_arguments(words: Sequence[str], table: Iterable[Parameter] = ()) -> list
         if word in (*OVERRIDE, *REMAP, FILE):
             raise ValueError(f"{word}: is an option of ROS; write --ros-args before it, such as --ros-args {word} "
                              f"{EXAMPLES[word]}")
-        option, equals, given = word.partition("=")
+        option, equals, value_in_word = word.partition("=")
         name = option.lstrip("-").removesuffix(":")
         if name in parameters and option != name:
-            raise ValueError(f"{word}: is a parameter of ROS; write --ros-args -p {name}:={given if equals else value}")
+            raise ValueError(f"{word}: is a parameter of ROS; write --ros-args -p "
+                             f"{name}:={value_in_word if equals else value}")
         if ":=" in word:
             how = f"-r {word}" if name.startswith("__") else f"-p {word} for a parameter, -r {word} for another name"
             raise ValueError(f"{word}: is an argument of ROS; write --ros-args {how}")
@@ -47,7 +48,7 @@ def own_arguments(words: Sequence[str], table: Iterable[Parameter] = ()) -> list
 
 
 def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
-    """Return the paths of the parameter files named in `words` (ValueError if one is none)."""
+    """Return the paths of the parameter files named in `words` (ValueError if one is no parameter file)."""
     files = tuple(Path(value) for flag, value in _pairs(words) if flag == FILE)
     for path in files:
         parameter_file.sections(path)
@@ -65,16 +66,16 @@ def folder_of(name: str, words: Sequence[str], node: str) -> Path:
 
     That is the folder of the file that sets the parameter, or the current folder if the command line sets it.
     """
-    given: list[tuple[str, dict[str, Path]]] = []
+    folders: list[tuple[str, dict[str, Path]]] = []  # by pattern of nodes and name of parameter
     for flag, value in _pairs(words):
         if flag == FILE:
             file = Path(value)
-            given += [(pattern, {key: file.parent for key in values}) for pattern, values in
-                      parameter_file.sections(file)]
+            folders += [(pattern, {key: file.parent for key in values})
+                        for pattern, values in parameter_file.sections(file)]
         else:
-            of_node, _, key = value.partition(":=")[0].rpartition(":")
-            given.append((of_node or "/**", {key: Path()}))
-    return parameter_file.merged(given, node).get(name, Path())
+            pattern, _, key = value.partition(":=")[0].rpartition(":")
+            folders.append((pattern or "/**", {key: Path()}))
+    return parameter_file.merged(folders, node).get(name, Path())
 
 
 def check_names(node: Node, names: Iterable[str]) -> None:
@@ -86,7 +87,7 @@ def check_names(node: Node, names: Iterable[str]) -> None:
         except RuntimeError:  # only the length can be wrong: rcl has refused bad rules and namespaces
             raise ValueError(f"{name}: its full name is too long; give a namespace or a remapping that leaves it at "
                              f"most {TOPIC_LENGTH} characters") from None
-        if topic in TAKEN:
+        if topic in SHARED_TOPICS:
             raise ValueError(f"{name}: has the name {topic}, which stands for something else; remap it to another")
         if topic in names_of:
             raise ValueError(f"{names_of[topic]} and {name} have one name, {topic}; remap one of them to another")

@@ -49,7 +49,7 @@ SENTENCES = ("message", "reason", "error_message")  # fields of service response
 class GuardedNode(Node):
     """A node that refuses malformed requests and messages; ROS arguments may change its name.
 
-    `clock_heard` says whether a time, perhaps 0, was received on /clock. ValueError when one of rclpy's own parameters
+    `clock_heard` is whether a time, perhaps 0, was received on /clock. ValueError when one of rclpy's own parameters
     is given and is not a boolean.
     """
 
@@ -97,19 +97,19 @@ class GuardedNode(Node):
         copy, because rclpy changes the one that it is given.
         """
         name = f"{OVERRIDES}.{self.resolve_topic_name(topic)}.{kind}"
-        given = [policy for policy in QoSPolicyKind if self.has_parameter(f"{name}.{policy.name.lower()}")]
-        return (copy.copy(profile), {**options, "qos_overriding_options": QoSOverridingOptions(given)}) if given else (
-            profile, options)
+        policies = [policy for policy in QoSPolicyKind if self.has_parameter(f"{name}.{policy.name.lower()}")]
+        if not policies:
+            return profile, options
+        return copy.copy(profile), {**options, "qos_overriding_options": QoSOverridingOptions(policies)}
 
     async def _answer(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
         try:
-            if reason := _fault(request):
-                raise ValueError(reason)
+            _check_names(request)
             if isinstance(request, SetParameters.Request | SetParametersAtomically.Request):
                 callback = partial(self._set_parameters, name)
             answer = callback(request, response)
             response = await answer if isawaitable(answer) else answer
-            if reason := _reason_of(response):
+            if reason := _reason_of_failure(response):
                 self.refusals.refuse(name, reason)
         except (ValueError, RuntimeError) as error:  # a refusal in words
             self.refusals.refuse(name, str(error))
@@ -122,18 +122,20 @@ class GuardedNode(Node):
     def _set_parameters(self, name: str, request: Any, response: Any) -> Any:
         """Set all parameters of a request, or none; a read-only parameter may be given its present value."""
         reasons = [set_refusal(self, parameter) for parameter in request.parameters]
-        refused = next(filter(None, reasons), "")
-        if not refused:
-            changes = [change for parameter in request.parameters if (change := change_of(self, parameter))]
-            result = self.set_parameters_atomically(changes) if changes else SetParametersResult(successful=True)
-            refused = "" if result.successful else result.reason
-        if refused:
-            self.refusals.refuse(name, refused)
+        first_reason = next(filter(None, reasons), "")
+        changes = [] if first_reason else [
+            change for parameter in request.parameters if (change := change_of(self, parameter))]
+        if changes:
+            result = self.set_parameters_atomically(changes)
+            first_reason = "" if result.successful else result.reason
+        if first_reason:
+            self.refusals.refuse(name, first_reason)
         if isinstance(request, SetParametersAtomically.Request):
-            response.result = _answer_to_set(refused)
+            response.result = _answer_to_set(first_reason)
         else:
-            response.results = [_answer_to_set(refused and (reason or f"not set, because of another: {refused}"))
-                                for reason in reasons]
+            response.results = [
+                _answer_to_set(first_reason and (reason or f"not set, because of another: {first_reason}"))
+                for reason in reasons]
         return response
 
     def _take_clock(self, name: str, callback: Callable, message: Clock) -> None:
@@ -159,7 +161,7 @@ class PollingSubscription:
 
     def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
         self._subscription: Subscription = node.create_subscription(kind, topic, lambda message: None, profile,
-                                                                    callback_group=_Never(), raw=True)
+                                                                    callback_group=_NeverRun(), raw=True)
         self.topic: str = self._subscription.topic_name
         self.profile: QoSProfile = self._subscription.qos_profile
         self._take, self._kind = self._subscription.handle.take_message, self._subscription.msg_type
@@ -178,7 +180,7 @@ class PollingSubscription:
         return messages
 
 
-class _Never(CallbackGroup):
+class _NeverRun(CallbackGroup):
     """A callback group that never runs, so that the executor does not wait for its subscription."""
 
     def can_execute(self, entity: object) -> bool:
@@ -259,21 +261,21 @@ def _make_read_only(node: Node, name: str, meaning: str) -> None:
         raise ValueError(f"{name}: {value!r} is not true or false; give true or false") from None
 
 
-def _fault(request: Any) -> str:
-    """Return why a request of any service is malformed; empty if it is not."""
+def _check_names(request: Any) -> None:
+    """Refuse a request of any service with too many or too long names (ValueError)."""
     parameters = [parameter.name for parameter in getattr(request, "parameters", ())]
     names = [*parameters, *getattr(request, "names", ()), *getattr(request, "prefixes", ())]
     if len(names) > MOST_NAMES:
-        return f"{len(names)} names in one request; give at most {MOST_NAMES}"
-    longest = max(map(len, names), default=0)
-    return f"a name of {longest} characters; give at most {LONGEST_NAME}" if longest > LONGEST_NAME else ""
+        raise ValueError(f"{len(names)} names in one request; give at most {MOST_NAMES}")
+    if (longest := max(map(len, names), default=0)) > LONGEST_NAME:
+        raise ValueError(f"a name of {longest} characters; give at most {LONGEST_NAME}")
 
 
 def _answer_to_set(reason: str) -> SetParametersResult:
     return SetParametersResult(successful=not reason, reason=reason)
 
 
-def _reason_of(response: Any) -> str:
+def _reason_of_failure(response: Any) -> str:
     """Return the reason in a response that reports a failure; empty if it reports success, or neither."""
     if hasattr(response, "success"):  # of std_srvs and of the project's own
         return "" if response.success else response.message

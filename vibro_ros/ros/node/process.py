@@ -54,18 +54,32 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
     The node declares every parameter override that it is given, so that misspelt ones can be found. ValueError for ROS
     arguments, a node name, a namespace or an environment that ROS refuses.
     """
+    node = _new_node(name, words)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        with _woken_by_signals(node):
+            yield node
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _new_node(name: str, words: Sequence[str]) -> GuardedNode:
+    """Initialise ROS and return the node, whose log gets what the middleware has printed (ValueError if refused)."""
     if fault := _domain_fault():
         raise ValueError(fault)
-    fault = _log_folder_fault()
-    no_file = ("--ros-args", "--disable-external-lib-logs", "--") if fault else ()
-    refusal = None
+    log_fault = _log_folder_fault()
+    no_log_file = ("--ros-args", "--disable-external-lib-logs", "--") if log_fault else ()
     # The types' code would load ROS's generator with two parsers, of which a node needs nothing: 45 ms and 8 MB. The
     # generator's package goes on without it, as where these parsers are not installed.
     sys.modules.setdefault("rosidl_generator_py.generate_py_impl", None)  # type: ignore[arg-type]  # as Python documents
-    with _held_output() as said:
+    refusal = None
+    with _captured_output() as printed:
         try:
             set_logger_level("rcl", LoggingSeverity.FATAL)  # else rcl logs the error that is raised here, too
-            rclpy.init(args=[*no_file, *with_user_paths(words)], signal_handler_options=SignalHandlerOptions.NO)
+            rclpy.init(args=[*no_log_file, *with_user_paths(words)], signal_handler_options=SignalHandlerOptions.NO)
             with catch_warnings():
                 simplefilter("ignore", RuntimeWarning)  # rclpy warns of a node that it refuses
                 node = GuardedNode(name)
@@ -78,20 +92,13 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[GuardedNode]:
             with suppress(RuntimeError):  # where rcutils has no log at all
                 set_logger_level("rcl", LoggingSeverity.UNSET)
     if refusal:
-        raise ValueError(f"ROS refuses the arguments: {_reason_of(refusal, said)}") from refusal
-    for line in said:
+        raise ValueError(f"ROS refuses the arguments: {_reason_of(refusal, printed)}") from refusal
+    for line in printed:
         node.get_logger().warning(f"the middleware says: {line}")
-    if fault:
-        node.get_logger().warning(f"ROS writes no log file: {fault}; set ROS_LOG_DIR to a folder that can be written")
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        with _woken_by_signals(node):
-            yield node
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
+    if log_fault:
+        node.get_logger().warning(f"ROS writes no log file: {log_fault}; set ROS_LOG_DIR to a folder that can be "
+                                  "written")
+    return node
 
 
 def waker(node: Node) -> Callable[[], None]:
@@ -172,7 +179,7 @@ def wait_for_time(node: GuardedNode, stopped: Callable[[], bool]) -> None:
     Without `use_sim_time` this returns at once. With it, time begins with a message on /clock above 0, because 0 means
     "not set" in ROS. A signal that raises an exception ends the wait, too.
     """
-    clock, began, topic = node.get_clock(), time.monotonic(), node.resolve_topic_name(CLOCK)
+    clock, topic, began = node.get_clock(), node.resolve_topic_name(CLOCK), time.monotonic()
 
     def over() -> bool:
         return stopped() or not clock.ros_time_is_active or clock.now().nanoseconds > 0
@@ -199,13 +206,13 @@ def _domain_fault() -> str:
 
 
 @contextmanager
-def _held_output() -> Iterator[list[str]]:
-    """Context in which stdout and stderr go to a file; after it the list has what the C libraries of ROS wrote there.
+def _captured_output() -> Iterator[list[str]]:
+    """Context that captures stdout and stderr; after it the list has the sentences of the C libraries of ROS.
 
-    They write errors in colours, with times and places in their sources, some of them several times. The list has the
-    sentences alone, each once.
+    The libraries write errors in colours, with times and places in their sources, some of them several times. The list
+    has each sentence once, without these.
     """
-    said: list[str] = []
+    printed: list[str] = []
     sys.stdout.flush()
     sys.stderr.flush()
     with tempfile.TemporaryFile() as file:
@@ -213,14 +220,14 @@ def _held_output() -> Iterator[list[str]]:
         for stream in (1, 2):
             os.dup2(file.fileno(), stream)
         try:
-            yield said
+            yield printed
         finally:
             for stream, screen in zip((1, 2), screens, strict=True):
                 os.dup2(screen, stream)
                 os.close(screen)
             file.seek(0)
             lines = (_sentence(line) for line in file.read().decode(errors="replace").splitlines())
-            said += dict.fromkeys(filter(None, lines))
+            printed += dict.fromkeys(filter(None, lines))
 
 
 def _sentence(line: str) -> str:
@@ -230,15 +237,15 @@ def _sentence(line: str) -> str:
     return match[1] if match else ""
 
 
-def _reason_of(error: Exception, said: Sequence[str]) -> str:
+def _reason_of(error: Exception, printed: Sequence[str]) -> str:
     """Return rcl's own reason, which stands after "Error:", without the places in its source, and the remedy.
 
     A reason that counts the tokens of an argument, by rcl's numbers for their kinds, is left out.
     """
     text = re.sub(r",? at /\S+:\d+", "", str(error).removeprefix("failed to initialize rcl: ")).splitlines()[0]
-    what, _, why = text.partition(". Error: ")
-    reason = what if not why or "lexeme" in why or "token" in why else f"{what}: {why}"
-    return "; ".join([reason, *said, *[remedy for about, remedy in REMEDIES.items() if about in reason][:1]])
+    failure, _, cause = text.partition(". Error: ")
+    reason = failure if not cause or "lexeme" in cause or "token" in cause else f"{failure}: {cause}"
+    return "; ".join([reason, *printed, *[remedy for about, remedy in REMEDIES.items() if about in reason][:1]])
 
 
 def _log_folder_fault() -> str:

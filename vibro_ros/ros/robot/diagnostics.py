@@ -19,17 +19,16 @@ from vibro_ros.simulation.validity import validity_of
 
 PERIOD = 1.0  # s
 SECOND = 1_000_000_000  # ns
-LAST_WORD = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
+LAST_TIMEOUT = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
 NOT_EVENTS = ("steps", "energy_accounts", "solver.method", "solver.step")
 """Keys of `Simulator.statistics` that do not count events."""
 
-REFUSED = {"refused": "commands refused", "requests": "requests refused",
-           "failures": "callbacks failed"}
+REFUSED = {"refused": "commands refused", "requests": "requests refused", "failures": "callbacks failed"}
 """Words for counters that have grown within a period."""
 BEHIND = 1.0
-"""Time [s] by which stamps may differ from ROS time, or that may change in a period, without a word; short stalls have
+"""Difference [s] of stamps from ROS time, and its change in a period, above which there is a warning; short stalls have
 a warning of their own."""
-NEWS = 10.0  # time [s] for which a clock that was set is a warning; afterwards the message has it, at level OK
+NEWS = 10.0  # time [s] for which a clock that was set is a warning; afterwards the message says so at level OK
 
 
 class Diagnostics:
@@ -47,58 +46,63 @@ class Diagnostics:
 
     def publish(self) -> None:
         """Publish once."""
-        now = self._counters()
-        # a reset restarts the counts of events
-        change = {name: value - self._previous_counters[name] if value >= self._previous_counters[name] else value
-                  for name, value in now.items()}
-        self._previous_counters = now
+        previous, self._previous_counters = self._previous_counters, self._counters()
+        change = {name: value - previous[name] if value >= previous[name] else value  # a reset restarts some counts
+                  for name, value in self._previous_counters.items()}
         message = DiagnosticArray(status=[self._simulation(change), self._recorder()])
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(self._now(), SECOND)
         self._publisher.publish(message)
 
     def publish_last(self) -> None:
-        """Publish once more and wait up to `LAST_WORD` until it has arrived, because the process is about to end."""
+        """Publish once more and wait up to `LAST_TIMEOUT` until it has arrived, because the process is about to end."""
         self.publish()
-        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORD))
+        self._publisher.wait_for_all_acked(Duration(seconds=LAST_TIMEOUT))
 
     def _counters(self) -> dict[str, float]:
         """Return all counters; the stepping thread may increase them meanwhile, but each value is consistent."""
-        statistics, self._disturbances = self._run.device_facts()
-        self._statistics = statistics
+        self._statistics, self._disturbances = self._run.device_facts()
         return {"wall": time.monotonic(), "simulated": self._run.robot_time.time, "ticks": self._run.robot_time.ticks,
                 "busy": self._run.busy, "unloaded": self._run.ticks_without_normal_force,
-                "dropped": self._run.pacing.dropped,
-                "missed": self._run.pacing.missed, "refused": self._run.commands.refused,
-                "requests": self._node.refusals.count,
-                "failures": self._node.refusals.failures,
-                "events": sum(count for kind, count in statistics.items() if kind not in NOT_EVENTS)}
+                "dropped": self._run.pacing.dropped, "refused": self._run.commands.refused,
+                "requests": self._node.refusals.count, "failures": self._node.refusals.failures,
+                "events": sum(count for kind, count in self._statistics.items() if kind not in NOT_EVENTS)}
 
     def _simulation(self, change: Mapping[str, float]) -> DiagnosticStatus:
-        device, wall, begun = self._run.device, max(change["wall"], 1e-9), time.monotonic()
-        complaints, behind, clock_change = [], *self._differences_of_time()
+        begun, (behind, clock_change) = time.monotonic(), self._differences_of_time()
+        stamp_warning = self._stamp_warning(behind, clock_change)
+        validity = validity_of(self._run.device.scene, dict(zip(FIELDS, self._run.take_samples().T, strict=True)))
+        complaints = []
         if change["dropped"] > 0.0:
             complaints.append(f"{change['dropped']:.3f} s of simulated time dropped")
-        complaints += [f"{change[name]:.0f} {what}" for name, what in REFUSED.items() if change[name]]
-        differs = self._words_on_time(behind, clock_change)
-        if differs and begun < self._clock_was_set + NEWS:  # true when just noticed, however slow the computer is
-            complaints.append(differs)
+        complaints += [f"{change[name]:.0f} {words}" for name, words in REFUSED.items() if change[name]]
+        if stamp_warning and begun < self._clock_was_set + NEWS:  # true when just noticed, however slow the computer is
+            complaints.append(stamp_warning)
         if self._other_robots():
             complaints.append(self._same_name_warning)
-        validity = validity_of(device.scene, dict(zip(FIELDS, self._run.take_samples().T, strict=True)))
         complaints += validity.warnings()
+        state = "paused" if self._run.paused else "running"
         level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (
-            DiagnosticStatus.OK, "; ".join(filter(None, ["paused" if self._run.paused else "running", differs])))
+            DiagnosticStatus.OK, f"{state}; {stamp_warning}" if stamp_warning else state)
         if self._run.error:
             level, text = DiagnosticStatus.ERROR, str(self._run.error)
-        late = sorted(self._run.pacing.take_lateness())  # empty if the device never waits
-        # np.quantile would load numpy's masked arrays: 2 MB
-        places = np.array((0.5, 0.99, 1.0)) * (len(late) - 1)
-        of_ticks = zip(("median", "p99", "max"), np.interp(places, range(len(late)), late), strict=True) if late else ()
+        values = self._values(change, behind, clock_change)
+        if validity.pitch_index is not None:
+            values["pitch index"] = f"{validity.pitch_index:.3f}"
+        if validity.current_share is not None:
+            values["rms current over continuous"] = f"{validity.current_share:.3f}"
+        if "energy_accounts" in self._statistics:
+            values["energy residual [J]"] = f"{self._statistics['energy_accounts']['residual']:.3e}"
+        return self._status("simulation", level, text, values)
+
+    def _values(self, change: Mapping[str, float], behind: float, clock_change: float) -> dict[str, str]:
+        """Return the values that the simulation always has, from the `change` of its counters and the differences of
+        time [s]."""
+        wall, scene = max(change["wall"], 1e-9), self._run.device.scene
         values = {
             "simulated time [s]": f"{self._run.robot_time.time:.6f}",
             "real-time factor": f"{change['simulated'] / wall:.4f}",
             "missed deadlines": f"{self._run.pacing.missed}",
-            **{f"lateness {name} [us]": f"{1e6 * value:.1f}" for name, value in of_ticks},
+            **self._lateness(),
             "dropped time [s]": f"{self._run.pacing.dropped:.6f}",
             "stalls": f"{self._run.pacing.stalls}",
             "stamps behind [s]": f"{behind:.6f}",
@@ -115,18 +119,22 @@ class Diagnostics:
             "rejected commands": f"{self._run.commands.refused}",
             "refused requests": f"{self._node.refusals.count}",
             "failed callbacks": f"{self._node.refusals.failures}",
-            "solver method": device.scene["solver.method"],
-            "accuracy in force": _accuracy_of(device.scene),
+            "solver method": scene["solver.method"],
+            "accuracy in force": _accuracy_of(scene),
         }
         if "solver.step" in self._statistics:
-            values["solver step [s]"] = f"{device.scene['solver.step']:g}"
-        if validity.pitch_index is not None:
-            values["pitch index"] = f"{validity.pitch_index:.3f}"
-        if validity.current_share is not None:
-            values["rms current over continuous"] = f"{validity.current_share:.3f}"
-        if "energy_accounts" in self._statistics:
-            values["energy residual [J]"] = f"{self._statistics['energy_accounts']['residual']:.3e}"
-        return self._status("simulation", level, text, values)
+            values["solver step [s]"] = f"{scene['solver.step']:g}"
+        return values
+
+    def _lateness(self) -> dict[str, str]:
+        """Return quantiles of the ticks' lateness since the last call; none if the device never waits."""
+        late = sorted(self._run.pacing.take_lateness())
+        if not late:
+            return {}
+        # np.quantile would load numpy's masked arrays: 2 MB
+        quantiles = np.interp(np.array((0.5, 0.99, 1.0)) * (len(late) - 1), range(len(late)), late)
+        return {f"lateness {name} [us]": f"{1e6 * seconds:.1f}"
+                for name, seconds in zip(("median", "p99", "max"), quantiles, strict=True)}
 
     def _active_disturbances(self) -> dict[str, float]:
         """Return the disturbances that are active now, a push and faults, with the robot time [s] of their end."""
@@ -152,14 +160,15 @@ class Diagnostics:
         change = self._offset - self._first_offset
         if abs(self._offset - last_offset) > BEHIND:
             self._clock_was_set = time.monotonic()
-            if words := self._words_on_time(behind, change):
-                self._node.get_logger().warning(words)
+            if warning := self._stamp_warning(behind, change):
+                self._node.get_logger().warning(warning)
         return behind, change
 
-    def _words_on_time(self, behind: float, clock_change: float) -> str:
+    def _stamp_warning(self, behind: float, clock_change: float) -> str:
         """Return in words why stamps differ from ROS time; empty if they do not, or are meant to.
 
-        What the clock has not changed is time in which robot time stood still: of pauses and stalls.
+        The part of the difference that is no change of the clock is time in which robot time stood still, because of
+        pauses and stalls.
         """
         still, follows_clock = behind - clock_change, self._node.get_parameter("use_sim_time").value
         clock, why = ("/clock", "jumped, or runs faster or slower") if follows_clock else (

@@ -12,7 +12,7 @@ from vibro_ros.simulation.simulator import Simulator
 
 LONGEST_SLEEP = 0.05  # longest single sleep [s], so that a stop is noticed however distant the deadline is
 MOST_LATENESSES = 100_000  # most measured latenesses that are kept, the latest ones: ten seconds at the highest rate
-WATCHED = ("motor_speed", "motor_voltage")  # the commands without which `command.timeout` stops the motor
+MOTOR_COMMANDS = ("motor_speed", "motor_voltage")  # the commands without which `command.timeout` stops the motor
 SUMMARY_PERIOD = 60.0  # least time [s] between two log lines about stalls
 FASTEST = 1e4
 """Crank speed [rad/s] beyond which a stall is blamed on it, because its turns then cost more than real time."""
@@ -21,8 +21,8 @@ POLICY, PRIORITY = os.SCHED_RR, 1
 NICENESS = -10  # niceness of the robot where the system refuses the policy; it allows the niceness with `ulimit -e 30`
 STARTED_AS_NICE = os.getpriority(os.PRIO_PROCESS, 0)
 """Niceness with which the process was started: a value other than 0 is the user's choice."""
-ALLOW = ("allow the robot a real-time priority (`ulimit -r 1`, after a line `USER - rtprio 1` in "
-         "/etc/security/limits.d/robot.conf and a new login; for a container --cap-add SYS_NICE), ")
+PRIORITY_REMEDY = ("allow the robot a real-time priority (`ulimit -r 1`, after a line `USER - rtprio 1` in "
+                   "/etc/security/limits.d/robot.conf and a new login; for a container --cap-add SYS_NICE), ")
 """Remedy for stalls of a robot that the system has refused a real-time priority."""
 
 
@@ -49,7 +49,7 @@ class Pacing:
         self._max_catch_up = max_catch_up
         self._now = now
         self._sleep = sleep
-        self._origin, self._begin = now(), 0.0  # an instant of the wall clock [s], and its simulated time [s]
+        self._origin, self._begin = now(), 0.0  # an instant of the wall clock [s], and the simulated time due then [s]
         self._lateness: deque[float] = deque(maxlen=MOST_LATENESSES)
 
     def start(self, instant: float | None = None) -> None:
@@ -167,7 +167,7 @@ class CommandTimeout:
 
     def is_over(self, time: float, accepted: Counter[str], device: Simulator) -> bool:
         """Return whether the motor must stop at robot time `time` [s]; `accepted` counts the commands so far."""
-        if (count := sum(accepted[name] for name in WATCHED)) != self._accepted:
+        if (count := sum(accepted[name] for name in MOTOR_COMMANDS)) != self._accepted:
             self._last, self._accepted = time, count
         if time - self._last < self._limit or not device.commanded_motor_speed:
             return False
@@ -201,9 +201,9 @@ class StallReport:
             why = (f"because a step takes {1e3 * busy / max(ticks, 1):.2g} ms, longer than it lasts; lower "
                    "rate.real_time_factor, or choose solver.method exact")
         else:
-            refused = os.sched_getscheduler(0) != POLICY and not STARTED_AS_NICE
-            why = (f"because the computer did not let the robot run in time; {ALLOW if refused else ''}leave it a "
-                   "core, or raise rate.max_catch_up")
+            remedy = PRIORITY_REMEDY if os.sched_getscheduler(0) != POLICY and not STARTED_AS_NICE else ""
+            why = (f"because the computer did not let the robot run in time; {remedy}leave it a core, or raise "
+                   "rate.max_catch_up")
         if math.isinf(self._last_report):
             self._warn(f"stalled: {dropped:.3f} s of simulated time dropped, {why}. Stamps stay behind the wall clock "
                        "by what is dropped")

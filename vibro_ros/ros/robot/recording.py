@@ -113,9 +113,9 @@ class Recording:
         self._recorder: Recorder | None = None  # the bag that messages go to
         self.latest: Recorder | None = None
         self._watched: list[Recorder] = []
-        self._dropped = 0
-        self._throttle = Throttle(burst=1)
-        self._begun = Throttle(burst=MOST_BAGS)
+        self._logged_dropped = 0
+        self._log_throttle = Throttle(burst=1)
+        self._bag_throttle = Throttle(burst=MOST_BAGS)
 
     def __enter__(self) -> "Recording":
         return self
@@ -191,10 +191,9 @@ class Recording:
                                 "another bag")
         dropped = self._recorder.dropped if self._recorder else 0
         # `accepting` is read last, because a recorder that stops refuses everything.
-        if self._recorder and dropped > self._dropped and self._recorder.accepting:
-            self._dropped = dropped
-            text = self._throttle.admit(f"not recorded: the disk is too slow, {self._dropped} messages dropped")
-            if text:
+        if self._recorder and dropped > self._logged_dropped and self._recorder.accepting:
+            self._logged_dropped = dropped
+            if text := self._log_throttle.admit(f"not recorded: the disk is too slow, {dropped} messages dropped"):
                 self._log.error(text)
 
     def destination(self) -> str:
@@ -211,22 +210,22 @@ class Recording:
     def _start(self) -> tuple[bool, str]:
         if self._recorder and self._recorder.accepting:
             return True, f"already {self.destination()}"
-        if not self._begun.admit("a bag"):
+        if not self._bag_throttle.admit("a bag"):
             return False, _TOO_MANY
         self._recorder = self._new_bag()
         self._log.info(self.destination())
         return True, self.destination()
 
     def _stop(self) -> tuple[bool, str]:
-        said, recorder, self._recorder = self.destination(), self._recorder, None
+        words, recorder, self._recorder = self.destination(), self._recorder, None
         if recorder is None or not recorder.accepting:
-            return True, said
+            return True, words
         if not recorder.close(SEALING):
             return False, f"{recorder.folder}: the disk does not answer; the bag will be sealed when it does"
         self.watch()
-        done = recorder.fault or f"sealed {_contents(recorder)}"
-        self._log.info(done)
-        return recorder.fault is None, done
+        words = recorder.fault or f"sealed {_contents(recorder)}"
+        self._log.info(words)
+        return recorder.fault is None, words
 
     def _new_bag(self, whole: bool = False) -> Recorder:
         checkpoint = [] if whole or self._plan.checkpoint is None else [self._plan.checkpoint]
@@ -236,21 +235,20 @@ class Recording:
                                     storage=self._plan.storage)
                 break
         recorder.announce({}, self._latched)
-        self.latest, self._dropped = recorder, 0
+        self.latest, self._logged_dropped = recorder, 0
         self._watched.append(recorder)
         return recorder
 
 
 def _contents(recorder: Recorder) -> str:
-    """Return in words where a bag is and what is in it."""
     lost = f"{recorder.lost} lost, " if recorder.lost else ""
     return f"{recorder.folder}: {recorder.written} messages, {lost}{recorder.dropped} dropped"
 
 
-def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
-    """Log the bags in `directory` that a killed robot has left unsealed, or seal them if `do_it`."""
+def handle_unsealed_bags(directory: Path, seal: bool, log: RcutilsLogger) -> None:
+    """Log the bags in `directory` that a killed robot has left unsealed, or `seal` them."""
     unsealed = unsealed_bags(directory, BAG_PATTERN)
-    if not do_it:
+    if not seal:
         for folder in unsealed[:MOST_UNSEALED]:
             name = one_line(folder)
             log.warning(f"{name}: not sealed, its robot was killed; seal it with `recover {name}`")

@@ -46,7 +46,7 @@ from vibro_ros.ros.node.process import CLOCK, wait_for_time
 from vibro_ros.ros.robot.diagnostics import Diagnostics
 from vibro_ros.ros.robot.lock_step import checked_nodes
 from vibro_ros.ros.robot.pacing import set_real_time_priority
-from vibro_ros.ros.robot.recording import Plan, Recording, check_directory, offer_recovery, plan_recording
+from vibro_ros.ros.robot.recording import Plan, Recording, check_directory, handle_unsealed_bags, plan_recording
 from vibro_ros.ros.robot.run import RobotPublishers, RobotRun
 from vibro_ros.ros.robot.services import offer_disturbances, offer_run_services
 from vibro_ros.sensors.device import new_device
@@ -55,9 +55,10 @@ from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 PUBLISHED = tuple(full_name(name) for name, topic in TOPICS.items() if topic.when in (SAMPLE, EVENT, ONCE))
 """Topics on which any robot publishes its device's motion, before namespace and remapping."""
-THREAD_CHANGE = 1e-4
+SWITCH_INTERVAL = 1e-4
 """Longest time [s] for which a thread keeps the interpreter lock that another one waits for: a delay of a tick."""
-WATCH = 1.0  # longest time [s] until the node reacts to a failure of the recording; a signal or the run's end wakes it
+RECORDING_POLL = 1.0
+"""Longest time [s] until the node reacts to a failure of the recording; a signal or the run's end wakes the node."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -87,7 +88,7 @@ def _run(words: Sequence[str]) -> int:
             say("robot", "stopped while starting")
             return 0
         gc.freeze()  # permanent objects: to collect among them would delay ticks and the process's end
-        sys.setswitchinterval(THREAD_CHANGE)
+        sys.setswitchinterval(SWITCH_INTERVAL)
         set_real_time_priority(settings["rate.real_time_factor"], settings["rate.start_paused"])
         return _operate(node, settings, device, publishers, plan, stop)
 
@@ -128,17 +129,19 @@ def _plan(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, publis
 
 
 def _prepare(node: GuardedNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
-    """Make the device, and handle unsealed bags, which can take long: in a thread, so that a signal need not wait."""
+    """Return the device, and handle unsealed bags; runs in a thread, because both may take long and a signal must not
+    wait."""
     warnings.simplefilter("ignore", ToleranceWarning)  # the log says it below
     if fault := scene.broken_promise:
         node.get_logger().warning(fault)
     device = new_device(scene)
-    offer_recovery(plan.directory, settings["record.recover"], node.get_logger())
+    handle_unsealed_bags(plan.directory, settings["record.recover"], node.get_logger())
     return device
 
 
 def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator,
              publishers: RobotPublishers, plan: Plan, stop: StopRequest) -> int:
+    """Run the prepared robot until `stop` or its end; return the exit code."""
     log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
@@ -156,17 +159,14 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
         with run.start(begin):
             diagnostics = Diagnostics(node, run, partial(_now, node, settings, run))
             _offer_simulation(node, run, settings["frame_prefix"] + ODOM)
-            name = node.get_fully_qualified_name()
-            pause = (f"; paused until {name}/pause is called with false, by the page of `view --robot {name}` or by "
-                     f"`ros2 service call {name}/pause std_srvs/srv/SetBool '{{data: false}}'`" if run.paused else "")
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
-                     f"{settings['rate.real_time_factor']:g}, {recording.destination()}{pause}")
+                     f"{settings['rate.real_time_factor']:g}, {recording.destination()}{_how_to_resume(node, run)}")
 
             def over() -> bool:
                 recording.watch()
                 return bool(stop or run.is_ending)
 
-            process.spin_until(node, over, WATCH)
+            process.spin_until(node, over, RECORDING_POLL)
         process.spin_until(node, lambda: not run.waiting)  # requests for steps have an answer, which must be sent
     if run.error or recording.faults:
         diagnostics.publish_last()
@@ -177,6 +177,15 @@ def _operate(node: GuardedNode, settings: Mapping[str, Value], device: Simulator
     if recording.faults:
         raise RuntimeError(recording.faults[0])
     return 0
+
+
+def _how_to_resume(node: Node, run: RobotRun) -> str:
+    """Return how a user lets a paused robot go on, as the end of a sentence; empty if the robot is not paused."""
+    if not run.paused:
+        return ""
+    name = node.get_fully_qualified_name()
+    return (f"; paused until {name}/pause is called with false, by the page of `view --robot {name}` or by "
+            f"`ros2 service call {name}/pause std_srvs/srv/SetBool '{{data: false}}'`")
 
 
 def _offer_simulation(node: GuardedNode, run: RobotRun, frame: str) -> None:

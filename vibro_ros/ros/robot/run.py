@@ -140,13 +140,13 @@ class RunState(Enum):
 class Steps(Future):
     """The state of a paused run that takes `asked` samples; a future whose result is the answer in words.
 
-    `counted` is called after each sample with the number of samples so far, in the stepping thread. `completed` is the
+    `on_step` is called after each sample with the number of samples so far, in the stepping thread. `completed` is the
     number of samples taken so far.
     """
 
-    def __init__(self, asked: int, counted: Callable[[int], object] | None):
+    def __init__(self, asked: int, on_step: Callable[[int], object] | None):
         super().__init__()
-        self.asked, self.completed, self.counted = asked, 0, counted
+        self.asked, self.completed, self.on_step = asked, 0, on_step
 
 
 class RobotRun:
@@ -259,18 +259,18 @@ class RobotRun:
                 self._let_time_go_on()
             return "running"
 
-    def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
-        """Let the paused robot take `steps` samples."""
+    def begin_steps(self, count: int, on_step: Callable[[int], object] | None = None) -> Steps:
+        """Let the paused robot take `count` samples."""
         with self._locked():
             if self.state in (RunState.RUNNING, RunState.RESUMING):
                 raise ValueError("the robot is not paused; call ~/pause with true first")
-            if taken := self.steps:
-                raise ValueError(f"{taken.asked} steps are being taken, {taken.completed} so far; wait for their end, "
+            if steps := self.steps:
+                raise ValueError(f"{steps.asked} steps are being taken, {steps.completed} so far; wait for their end, "
                                  "or cancel them")
-            self._perform(Operation(STEP, steps=steps))
-            begun = Steps(steps, counted)
-            self._enter(begun)
-            return begun
+            self._perform(Operation(STEP, steps=count))
+            steps = Steps(count, on_step)
+            self._enter(steps)
+            return steps
 
     def end_steps(self) -> None:
         """End the present steps early, if there are any; their answer says how many samples were taken."""
@@ -300,7 +300,7 @@ class RobotRun:
     def fail(self, incident: Incident) -> str:
         """Begin or end a fault, also one of the commands."""
         operation, incident = Operation(FAULT, parameters=incident._asdict()), checked_incident(*incident)
-        if FAULTS[incident.fault].befalls != COMMANDS:
+        if FAULTS[incident.fault].affects != COMMANDS:
             return self.disturb(operation)
         with self._locked():
             check_lasting(incident.fault, "", incident.duration, [
@@ -309,7 +309,7 @@ class RobotRun:
             self.commands.fail(incident, self.robot_time.stamp)
             return "the fault has ended" if incident.duration == 0.0 else "done"
 
-    def look(self) -> tuple[Samples, int]:
+    def stamped_state(self) -> tuple[Samples, int]:
         """Return the device's state and its stamp [ns]."""
         with self._locked():
             return self.device.state, self.robot_time.stamp
@@ -350,17 +350,17 @@ class RobotRun:
 
     def _enter(self, state: RunState | Steps, error: Exception | None = None) -> None:
         """Enter a state: the one place where it changes. Steps that end so are answered, with an `error` if given."""
-        left, self.state = self.state, state
+        previous, self.state = self.state, state
         if state is RunState.RUNNING:
             self.pacing.follow(self.robot_time.time)
-        if RunState.RUNNING in (left, state):
+        if RunState.RUNNING in (previous, state):
             set_real_time_priority(self.pacing.factor, self.paused)
-        if isinstance(left, Steps):
+        if isinstance(previous, Steps):
             if error:
-                left.set_exception(error)
+                previous.set_exception(error)
             else:
-                left.set_result(f"stepped {left.completed} of {left.asked} periods, to {self.robot_time.time:.9g} s of "
-                                "robot time")
+                previous.set_result(f"stepped {previous.completed} of {previous.asked} periods, to "
+                                    f"{self.robot_time.time:.9g} s of robot time")
             self._wake()
 
     def _let_time_go_on(self) -> None:
@@ -443,7 +443,7 @@ class RobotRun:
         return (self.paused and not self.steps) or bool(self._lock_step and not self._lock_step.all_answered)
 
     def _tick(self) -> None:
-        """Take the next sample."""
+        """Advance the device to the next sample, and publish it."""
         begun, start, angle = time.perf_counter(), self.device.time, self.device.values.item(CRANK_ANGLE)
         if not self._advance(self.robot_time.due_of_device):
             return
@@ -456,8 +456,8 @@ class RobotRun:
             self._samples.append(values.copy())
         if steps := self.steps:
             steps.completed += 1
-            if steps.counted:
-                steps.counted(steps.completed)
+            if steps.on_step:
+                steps.on_step(steps.completed)
             if steps.completed == steps.asked:
                 self._enter(RunState.PAUSED)
 

@@ -107,13 +107,13 @@ def check_scope(scope: int) -> None:
 
     `SCOPE_DEFAULT` and `SCOPE_ALL` mean everything that this robot can reset: its state.
     """
-    asked = ResetSimulation.Request
+    scopes = ResetSimulation.Request
     remedy = "give 2 for the state, or 0 for all that can be put back"
-    if scope in (asked.SCOPE_DEFAULT, asked.SCOPE_ALL, asked.SCOPE_STATE):
+    if scope in (scopes.SCOPE_DEFAULT, scopes.SCOPE_ALL, scopes.SCOPE_STATE):
         return
-    if unknown := scope & ~(asked.SCOPE_TIME | asked.SCOPE_STATE | asked.SCOPE_SPAWNED):
+    if unknown := scope & ~(scopes.SCOPE_TIME | scopes.SCOPE_STATE | scopes.SCOPE_SPAWNED):
         raise RefusalError(Result.RESULT_NOT_FOUND, f"scope {scope}: {unknown} is no scope; {remedy}")
-    why = "robot time never runs back" if scope & asked.SCOPE_TIME else "this robot spawns nothing"
+    why = "robot time never runs back" if scope & scopes.SCOPE_TIME else "this robot spawns nothing"
     raise RefusalError(Result.RESULT_FEATURE_UNSUPPORTED, f"scope {scope}: {why}; {remedy}")
 
 
@@ -121,7 +121,7 @@ def _state_list(states: Iterable[int]) -> str:
     return ", ".join(f"{state} ({STATES[state]})" for state in states)
 
 
-def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float]:
+def requested_entity_state(request: Any, entity: str, frame: str) -> dict[str, float]:
     """Return the state in a request of SetEntityState, by fields of the device's state; `frame` is that of odometry.
 
     An empty frame in the request means `frame`. ValueError for another entity or frame, and for a pose or twist that
@@ -244,7 +244,7 @@ class SimulationServices:
 
     async def _entities_states(self, request: Any, response: Any) -> None:
         await self._entities(request, response)
-        state, stamp = self._run.look()
+        state, stamp = self._run.stamped_state()
         response.states = [EntityState() for _ in response.entities]
         for message in response.states:
             fill_entity_state(message, state, stamp, self._frame)
@@ -256,21 +256,21 @@ class SimulationServices:
 
     async def _entity_state(self, request: Any, response: Any) -> None:
         check_entity(request.entity, self._entity)
-        fill_entity_state(response.state, *self._run.look(), self._frame)
+        fill_entity_state(response.state, *self._run.stamped_state(), self._frame)
 
     async def _set_entity_state(self, request: Any, response: Any) -> None:
-        self._run.disturb(Operation(STATE, parameters=entity_state_asked(request, self._entity, self._frame)))
+        self._run.disturb(Operation(STATE, parameters=requested_entity_state(request, self._entity, self._frame)))
 
     async def _step(self, request: Any, response: Any) -> None:
         await self._finish(self._begin_steps(request.steps))
 
-    def _begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Steps:
-        if not 1 <= steps <= MOST_STEPS:
-            raise ValueError(f"{steps} steps; give 1 to {MOST_STEPS}, and ask again for more")
+    def _begin_steps(self, count: int, on_step: Callable[[int], object] | None = None) -> Steps:
+        if not 1 <= count <= MOST_STEPS:
+            raise ValueError(f"{count} steps; give 1 to {MOST_STEPS}, and ask again for more")
         self._check_idle()
         if not self._run.paused:
             raise ValueError("the robot is not paused; set the state 2 (PAUSED) first")
-        return self._run.begin_steps(steps, counted)
+        return self._run.begin_steps(count, on_step)
 
     async def _finish(self, steps: Steps) -> None:
         """Wait until all samples are taken (RuntimeError if fewer were taken)."""
@@ -288,15 +288,16 @@ class SimulationServices:
 
     def _offer_steps(self, kind: Any, name: str) -> None:
         node, path = self._node, self._node.resolve_service_name(name)
-        taken: dict[bytes, Steps] = {}  # by goal
+        steps_of_goal: dict[bytes, Steps] = {}
 
         async def execute(goal: ServerGoalHandle) -> Any:
             result, key = kind.Result(), bytes(goal.goal_id.uuid)
             try:
                 if goal.is_cancel_requested:
                     raise RuntimeError("cancelled before the first step")
-                taken[key] = self._begin_steps(goal.request.steps, feedback_of(goal))
-                await self._finish(taken[key])
+                on_step = _feedback(goal, kind.Feedback, partial(node.refusals.catch, path))
+                steps_of_goal[key] = self._begin_steps(goal.request.steps, on_step)
+                await self._finish(steps_of_goal[key])
                 goal.succeed()
                 result.result.result = Result.RESULT_OK
             except (ValueError, RuntimeError) as error:
@@ -305,32 +306,34 @@ class SimulationServices:
                 result.result.result = getattr(error, "code", Result.RESULT_OPERATION_FAILED)
                 result.result.error_message = str(error)
             finally:
-                taken.pop(key, None)
+                steps_of_goal.pop(key, None)
             return result
 
-        def feedback_of(goal: ServerGoalHandle) -> Callable[[int], None]:
-            """Return a function that publishes feedback; the stepping thread calls it, so it must not raise."""
-            due = -math.inf
-
-            def publish(completed: int) -> None:
-                nonlocal due
-                now, remaining = time.monotonic(), goal.request.steps - completed
-                if now < due and remaining:
-                    return
-                due = now + FEEDBACK_PERIOD
-                try:
-                    goal.publish_feedback(kind.Feedback(completed_steps=completed, remaining_steps=remaining))
-                except Exception as error:
-                    node.refusals.catch(path, error)
-
-            return publish
-
         def cancel(goal: ServerGoalHandle) -> CancelResponse:
-            if bytes(goal.goal_id.uuid) in taken:
+            if bytes(goal.goal_id.uuid) in steps_of_goal:
                 self._run.end_steps()
             return CancelResponse.ACCEPT
 
         ActionServer(node, kind, name, execute, cancel_callback=cancel, result_timeout=RESULT_TIMEOUT)
+
+
+def _feedback(goal: ServerGoalHandle, kind: Any, catch: Callable[[Exception], object]) -> Callable[[int], None]:
+    """Return a function that publishes feedback on a number of completed steps; it passes errors to `catch`, because
+    the stepping thread calls it."""
+    due = -math.inf
+
+    def publish(completed: int) -> None:
+        nonlocal due
+        now, remaining = time.monotonic(), goal.request.steps - completed
+        if now < due and remaining:
+            return
+        due = now + FEEDBACK_PERIOD
+        try:
+            goal.publish_feedback(kind(completed_steps=completed, remaining_steps=remaining))
+        except Exception as error:
+            catch(error)
+
+    return publish
 
 
 async def _answer(act: Callable[[Any, Any], Awaitable[None]], request: Any, response: Any) -> Any:

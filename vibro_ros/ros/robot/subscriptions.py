@@ -31,7 +31,7 @@ Record = Callable[[str, int, bytes], None]
 LONGEST = 1024  # longest message [bytes] that is recorded; a command has 12, one for all joints some 200
 MOST_TAKEN = 100  # most messages of a topic that are taken in one poll, so that a flood does not delay a tick
 MOST_LATE = 10_000  # most commands that are kept while the fault `late_commands` lasts
-MOST_TOLD = 100  # most sentences on joints that are remembered, so that each is logged once
+MOST_LOGGED_ONCE = 100  # most sentences on joints that are remembered, so that each is logged once
 GRAPH_PERIOD = 1.0  # time [s] between two searches of the graph for publishers whose messages cannot arrive
 
 
@@ -51,12 +51,12 @@ class CommandSubscriptions:
         self._delay, self._arrivals = 0, count()
         self._late: list[tuple[int, int, str, bytes]] = []  # a heap, ordered by the instant of effect
         self._throttles = {name: Throttle() for name in COMMANDS}
-        self._told: set[str] = set()
+        self._logged_once: set[str] = set()
         self._subscriptions = {
             name: PollingSubscription(node, message_class(TOPICS[name].type), name, qos_profile(name))
             for name in commands_of(scene)}
         self.topics = {name: subscription.topic for name, subscription in self._subscriptions.items()}
-        _warn_of_unheard(node, {self.topics[name]: (TOPICS[name].type, subscription.profile)
+        _warn_of_unmatched(node, {self.topics[name]: (TOPICS[name].type, subscription.profile)
                                 for name, subscription in self._subscriptions.items()})
 
     def apply(self, device: Simulator, stamp: int, record: Record) -> None:
@@ -111,10 +111,10 @@ class CommandSubscriptions:
         except ValueError:
             self._refuse(name, f"a message of {len(data)} bytes is no {TOPICS[name].type}; publish that type")
             return
-        given, faults = commands_in(name, message, device.scene)
+        commands, faults = commands_in(name, message, device.scene)
         for fault in faults:  # of the joints that a message names, which the next one names again
             self._refuse(name, fault, once=True)
-        for argument, value in given.items():
+        for argument, value in commands.items():
             try:
                 device.command(**{argument: value})
             except ValueError as error:  # names the parameter, `motor.speed`; a peer knows the topic
@@ -125,15 +125,15 @@ class CommandSubscriptions:
 
     def _refuse(self, name: str, reason: str, once: bool = False) -> None:
         self.refused += 1
-        if once and reason in self._told:
+        if once and reason in self._logged_once:
             return
         if text := self._throttles[name].admit(f"command refused: {self.topics[name]}: {reason}"):
             self._log.warning(text)
-            if once and len(self._told) < MOST_TOLD:
-                self._told.add(reason)
+            if once and len(self._logged_once) < MOST_LOGGED_ONCE:
+                self._logged_once.add(reason)
 
 
-def _warn_of_unheard(node: Node, subscribed: Mapping[str, tuple[str, QoSProfile]]) -> None:
+def _warn_of_unmatched(node: Node, subscribed: Mapping[str, tuple[str, QoSProfile]]) -> None:
     """Let `node` warn of publishers that DDS silently does not match with its subscriptions.
 
     These are publishers of another type, and best-effort ones where the subscription is reliable; `subscribed` has type

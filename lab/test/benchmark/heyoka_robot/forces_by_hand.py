@@ -107,15 +107,16 @@ class SampledMotion:
         scene = self.scene
         gravity = scene["effects.mass_weight"] * scene["gravity"] * np.array(
             [np.sin(scene["ground.slope"]), np.cos(scene["ground.slope"])])
-        return np.zeros(len(self)) + sum(mass * slope * (bend * self.at["motor_speed"] ** 2 + np.dot(way, gravity))
-                                         for mass, way, slope, bend in self.linkage())
+        square = self.at["motor_speed"] ** 2
+        return np.zeros(len(self)) + sum(mass * slope * (bend * square + np.dot(direction, gravity))
+                                         for mass, direction, slope, bend in self.linkage())
 
     def _torque_rows(self):
         """Return the contributions of the unknowns to the linkage's torque, shape (n, 9)."""
         rows, acts = np.zeros((len(self), 9)), self.scene["effects.reaction"]
-        for mass, way, slope, _ in self.linkage():
+        for mass, direction, slope, _ in self.linkage():
             rows[:, CRANK] += mass * slope**2
-            for unknown, part in ((X, way[0]), (Y, way[1])):
+            for unknown, part in ((X, direction[0]), (Y, direction[1])):
                 rows[:, unknown] += acts * mass * slope * part
         return rows
 
@@ -169,47 +170,52 @@ class SampledMotion:
         return self._solve_resting(air, sticks, slide, np.array(resting) & ~np.array(pulled))
 
     def _solve_resting(self, air, sticks, slide, resting):
-        scene = self.scene
-        acts, weighs = float(scene["effects.reaction"]), float(scene["effects.mass_weight"])
-        masses = [scene[f"mass.{side}"] * self.has(side) for side in SIDES]
-        sliders = [scene[f"mass.{side}_slider"] * self.has(side) for side in SIDES]
-        total, slope = scene["mass.body"] + scene["mass.crank_pin"] + sum(masses + sliders), scene["ground.slope"]
-        downhill, gravity = scene["gravity"] * np.sin(slope), scene["gravity"] * np.cos(slope)
+        """Solve with the masses `resting` on their rigid plates; returns the unknowns, shape (n, 9)."""
         rows, known = np.zeros((len(self), 9, 9)), np.zeros((len(self), 9))
-        rows[:, X, X] = rows[:, Y, Y] = total
-        rows[:, X, FRICTION], rows[:, Y, NORMAL] = 1.0, -1.0
-        known[:, Y] = -total * gravity
-        known[:, X] = -total * downhill - scene["ground.drag"]
-        known[:, X] -= scene["ground.viscous_friction"] * self.at["body_velocity"]
-        if scene["effects.misprint"]:  # k1 (u - w) by which the printed force on the body differs from F3
-            misread = np.where(self.push("inclined") != 0.0, scene["inclined.plate.stiffness"] * (
-                self.at["upper_position"] - self.at["inclined_position"]), 0.0)
-            known[:, X] -= np.sin(self.tilt("inclined")) * misread
-            known[:, Y] += np.cos(self.tilt("inclined")) * misread * (self._rule != "weight")
+        self._fill_body_rows(rows, known)
         for i, side in enumerate(SIDES):
-            mass, force, rests = masses[i], PRESS + i, resting[i]
-            across, up = -np.sin(self.tilt(side)), np.cos(self.tilt(side))
-            if self._rule == "weight":
-                rows[:, X, U + i] = mass * across
-            else:
-                rows[:, X, U + i], rows[:, Y, U + i] = mass * across, mass * up
-            rows[:, U + i, U + i] = mass if mass else 1.0
-            rows[:, U + i, X], rows[:, U + i, Y] = acts * mass * across, acts * mass * up
-            rows[:, U + i, force] = 1.0
-            known[:, U + i] = self.drive(side) - self.push(side) - weighs * mass * (gravity * up + downhill * across)
-            rows[:, force, U + i], rows[:, force, force] = rests, ~rests
-        for mass, way, bent, bend in self.linkage():
-            for row, part in ((X, way[0]), (Y, way[1] * (self._rule != "weight"))):
-                rows[:, row, CRANK] += part * mass * bent
+            self._fill_guide_rows(rows, known, i, side, resting[i])
+        for mass, direction, slope, bend in self.linkage():
+            for row, part in ((X, direction[0]), (Y, direction[1] * (self._rule != "weight"))):
+                rows[:, row, CRANK] += part * mass * slope
                 known[:, row] -= part * mass * bend * self.at["motor_speed"] ** 2
         rows[:, CRANK, CRANK], known[:, CRANK] = 1.0, self.at["given_acceleration"]
-        if scene["effects.motor"] == "dc":
+        if self.scene["effects.motor"] == "dc":
             self._fill_crank_row(rows[:, CRANK], known[:, CRANK])
         rows[:, NORMAL, NORMAL], rows[:, NORMAL, Y] = air, ~air
         rows[:, FRICTION, X] = sticks
         rows[:, FRICTION, FRICTION] = ~sticks
         rows[:, FRICTION, NORMAL] = np.where(sticks, 0.0, -slide)
         return np.linalg.solve(rows, known[..., None])[..., 0]
+
+    def _fill_body_rows(self, rows, known):
+        """The rows of x'' and y'', without what the masses add."""
+        scene, slope = self.scene, self.scene["ground.slope"]
+        total = scene["mass.body"] + scene["mass.crank_pin"] + sum(
+            scene[f"mass.{part}"] * self.has(side) for side in SIDES for part in (side, f"{side}_slider"))
+        rows[:, X, X] = rows[:, Y, Y] = total
+        rows[:, X, FRICTION], rows[:, Y, NORMAL] = 1.0, -1.0
+        known[:, Y] = -total * scene["gravity"] * np.cos(slope)
+        known[:, X] = -total * scene["gravity"] * np.sin(slope) - scene["ground.drag"]
+        known[:, X] -= scene["ground.viscous_friction"] * self.at["body_velocity"]
+        if scene["effects.misprint"]:  # k1 (u - w) by which the printed force on the body differs from F3
+            misread = np.where(self.push("inclined") != 0.0, scene["inclined.plate.stiffness"] * (
+                self.at["upper_position"] - self.at["inclined_position"]), 0.0)
+            known[:, X] -= np.sin(self.tilt("inclined")) * misread
+            known[:, Y] += np.cos(self.tilt("inclined")) * misread * (self._rule != "weight")
+
+    def _fill_guide_rows(self, rows, known, i, side, rests):
+        """The rows of a mass and of the force on its rigid plate, and what the mass adds to the rows of the body."""
+        scene, force, slope = self.scene, PRESS + i, self.scene["ground.slope"]
+        acts, mass = float(scene["effects.reaction"]), scene[f"mass.{side}"] * self.has(side)
+        across, up = -np.sin(self.tilt(side)), np.cos(self.tilt(side))
+        rows[:, X, U + i], rows[:, Y, U + i] = mass * across, mass * up * (self._rule != "weight")
+        rows[:, U + i, U + i] = mass if mass else 1.0
+        rows[:, U + i, X], rows[:, U + i, Y] = acts * mass * across, acts * mass * up
+        rows[:, U + i, force] = 1.0
+        weight = scene["effects.mass_weight"] * mass * scene["gravity"]
+        known[:, U + i] = self.drive(side) - self.push(side) - weight * (np.cos(slope) * up + np.sin(slope) * across)
+        rows[:, force, U + i], rows[:, force, force] = rests, ~rests
 
     def _fill_crank_row(self, row, known):
         """The row of a dc motor's crank: J theta'' and the torques, or theta'' = 0 while the bearing is stuck."""
