@@ -68,15 +68,15 @@ def checked_incident(fault: object, duration: object, of: object = "", value: ob
                      to_x: object = 0.0) -> Incident:
     """Return the fault after checking it (ValueError: names the value, the limit and the remedy)."""
     name = Parameter("fault", "", "", "what fails", choices=tuple(FAULTS)).checked(fault)
-    kind, duration = FAULTS[name], DURATION.checked(duration)
+    kind, seconds = FAULTS[name], DURATION.checked(duration)
     if not isinstance(of, str) or of not in (kind.of or ("",)):
         raise ValueError(f"of: {quoted(of)} has no {name}; give {' or '.join(kind.of) or 'nothing'}")
-    number = NO_VALUE.checked(value) if kind.value is None or not duration else kind.value.checked(value)
-    place = PLACE if kind.has_place and duration else NO_PLACE
+    number = NO_VALUE.checked(value) if kind.value is None or not seconds else kind.value.checked(value)
+    place = PLACE if kind.has_place and seconds else NO_PLACE
     begin, end = replace(place, name="from_x").checked(from_x), replace(place, name="to_x").checked(to_x)
     if place is PLACE and not begin < end:
         raise ValueError(f"to_x: {end:g} m does not lie ahead of from_x, {begin:g} m; give a greater one")
-    return Incident(name, duration, of, number, begin, end)
+    return Incident(name, seconds, of, number, begin, end)
 
 
 def part_of(name: str, of: str) -> str:
