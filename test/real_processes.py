@@ -32,6 +32,13 @@ def wait_until(done: Callable[[], bool], description: str, patience: float = PAT
         time.sleep(0.002)
 
 
+def takes_signals(pid: int) -> bool:
+    """Return whether a process has entered `entry_point.enter`: it handles SIGHUP, which Python alone does not."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(caught.split()[1], 16) >> (signal.SIGHUP - 1) & 1)
+
+
 class Executable:
     """A running executable of the package, or Python with other arguments, and its output."""
 

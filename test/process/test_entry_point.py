@@ -11,7 +11,7 @@ from importlib.metadata import entry_points, version
 from pathlib import Path
 
 import pytest
-from real_processes import wait_until
+from real_processes import takes_signals, wait_until
 
 from vibro_ros.process import entry_point
 from vibro_ros.process.executables import EXECUTABLES
@@ -40,13 +40,6 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 def module(name: str) -> tuple[str, str]:
     return "-m", EXECUTABLES[name].module
-
-
-def takes_signals(process: subprocess.Popen) -> bool:
-    """Whether the process handles SIGHUP itself, which Python does not by default."""
-    status = Path(f"/proc/{process.pid}/status").read_text()
-    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
-    return bool(int(caught.split()[1], 16) >> (signal.SIGHUP - 1) & 1)
 
 
 def output_after(process: subprocess.Popen, patience: float = PATIENCE) -> tuple[int, str, str]:
@@ -82,7 +75,7 @@ def test_help_begins_with_the_sentence_of_the_list_and_version_is_printed(capsys
 @pytest.mark.parametrize("name, number, code", [("report", signal.SIGTERM, 143), ("robot", signal.SIGHUP, 0)])
 def test_a_signal_during_imports_ends_the_process_with_one_line(start, name, number, code):
     process = start(*module(name), "--help")
-    wait_until(lambda: takes_signals(process), "signals taken")
+    wait_until(lambda: takes_signals(process.pid), "signals taken")
     process.send_signal(number)
     assert output_after(process, PROMPT) == (code, "", f"{name}: stopped while starting\n")
 
