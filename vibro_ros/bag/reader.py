@@ -17,7 +17,7 @@ import numpy as np
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 from vibro_ros.messages.codec import deserialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
-from vibro_ros.process.tables import AXES, as_table
+from vibro_ros.simulation.samples import AXES, as_table
 
 if TYPE_CHECKING:
     import pandas

@@ -1,12 +1,11 @@
-"""Results of a simulation: the device's quantities at the requested instants; and checks of these instants."""
+"""Results of a simulation: the device's quantities at the requested instants, as arrays and as a table; checks of these instants."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
-
-from vibro_ros.process.tables import as_table
 
 if TYPE_CHECKING:
     import pandas
@@ -152,6 +151,26 @@ def one_sample(values: np.ndarray) -> Samples[float]:
     sample: Samples[float] = object.__new__(Samples)
     vars(sample).update(zip(FIELDS, values.tolist(), strict=True))
     return sample
+
+
+AXES = "xyzw"  # ends of the names of an array's columns: `position.x` is the first column of `position`
+
+
+def as_table(arrays: Mapping[str, np.ndarray]) -> "pandas.DataFrame":
+    """Return arrays as a table with the index `time` [s].
+
+    An array of shape (n, 3) becomes three columns such as `position.x`, `position.y` and `position.z`, one of shape
+    (n, 4) a fourth one, `.w`. ModuleNotFoundError without pandas; the message says how to install it.
+    """
+    try:
+        import pandas
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(f"to_pandas needs pandas ({error}): pip install pandas", name="pandas") from None
+    columns: dict[str, np.ndarray] = {}
+    for name, values in arrays.items():
+        columns |= {name: values} if values.ndim == 1 else {
+            f"{name}.{axis}": column for axis, column in zip(AXES, values.T, strict=False)}
+    return pandas.DataFrame(columns, index=pandas.Index(columns.pop("time"), name="time"))
 
 
 # Between two samples no crank turns by more than `_MOST_FACTOR` times the angle at the faster of its two speeds, plus
