@@ -1,4 +1,4 @@
-"""Results of a simulation: the device's quantities at the requested instants, as arrays and as a table; checks of these instants."""
+"""Results of a simulation: quantities at the requested instants, as arrays or as a table; checks of the instants."""
 
 import math
 from collections.abc import Mapping
