@@ -382,12 +382,6 @@ class Fitting:
             is_exact = np.array([channels[number].resolution > 0.0 for number in of])
             found, jitter = sizes_of(np.searchsorted(of, windows.channel[mine]), follows[mine], residuals[mine],
                                      np.hypot(rates, bends)[mine], is_exact)
-            if jitter:  # rates tell some sizes as 0, and would keep them: a camera has one noise, to begin with
-                kinds = np.array([channels[number].field.rsplit("_", 1)[1] for number in of])
-                for kind in np.unique(kinds[~is_exact]):
-                    same = (kinds == kind) & ~is_exact
-                    sigmas = np.array([channels[number].sigma for number in np.array(of)[same]])
-                    found[same] = math.sqrt(float(np.mean((found[same] * sigmas)**2))) / sigmas
             among = np.zeros(len(channels))
             among[of] = found
             own = residuals[mine] / np.hypot(among[windows.channel[mine]], jitter * np.hypot(rates, bends)[mine])

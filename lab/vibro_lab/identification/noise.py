@@ -113,20 +113,20 @@ def sizes_of(channel: np.ndarray, follows: np.ndarray, residuals: np.ndarray, ra
     with_size[:, -1] = slopes * 1e-6  # of milliseconds
     variance = float(np.median(squares)) / _MEDIAN**2 / max(float(np.median(slopes)), 1e-300)
     expected = np.where(is_exact[of], 1.0, 0.0) + with_size @ np.append(np.minimum(sizes**2, 1.0), variance * 1e6)
-    deviation = math.inf
     for _ in range(_ROUNDS):
         kept = squares < (_TRIMMED**2) * expected
         weights = kept / expected
         rows = weights[:, None] * with_size
         found = nnls(rows, weights * (squares - is_exact[of]))[0]
         expected = np.maximum(with_size @ found + is_exact[of], 1e-6)
-        deviation = math.sqrt(3.0 * float(np.linalg.pinv(rows.T @ rows)[-1, -1]))
+        deviations = np.sqrt(3.0 * np.maximum(np.diag(np.linalg.pinv(rows.T @ rows)), 0.0))
         jitter = math.sqrt(found[-1]) * 1e-3
-    if found[-1] < _SURE * deviation:
+    if found[-1] < _SURE * deviations[-1]:
         for k in np.flatnonzero(~is_exact):
             sizes[k] = clipped(np.sqrt(squares[of == k])) if (of == k).any() else 1.0
         return sizes, 0.0
-    return np.where(is_exact, 1.0, np.sqrt(np.append(found, 0.0)[:len(sizes)])), jitter
+    # A square below its own deviation is not told: it may be 0 by chance, and no later step would leave 0.
+    return np.where(is_exact, 1.0, np.sqrt(np.maximum(found, deviations)[:-1])), jitter
 
 
 def wild(channel: np.ndarray, residuals: np.ndarray, expected: np.ndarray, beyond: float,
