@@ -385,10 +385,10 @@ class Fitting:
             among = np.zeros(len(channels))
             among[of] = found
             own = residuals[mine] / np.hypot(among[windows.channel[mine]], jitter * np.hypot(rates, bends)[mine])
-            number = np.bincount(windows.window[mine], minlength=len(plain.states))
+            counts = np.bincount(windows.window[mine], minlength=len(plain.states))
             is_lost = np.bincount(windows.window[mine], np.minimum(own**2, settings.wild**2),
-                                  len(plain.states)) > settings.unexplained * number
-            if is_lost[(number > 0) & ~shooting.left_out].mean() > settings.most_lost:  # then it is the model
+                                  len(plain.states)) > settings.unexplained * counts
+            if is_lost[(counts > 0) & ~shooting.left_out].mean() > settings.most_lost:  # then it is the model
                 found, jitter = np.ones(len(of)), 0.0
             if jitter:
                 kept = mine & ~(shooting.left_out | is_lost)[windows.window] & (
