@@ -201,6 +201,26 @@ def test_a_robot_that_hops_is_found_by_positions_at_a_hundred_hertz(tmp_path, ro
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_robot_that_hops_is_found_by_positions_at_a_hundred_hertz_with_every_fault(tmp_path, seed):
+    """With seed 1 the noise that was found spoilt the fit, 1 of 13 inside; with seed 2 the camera was taken to be 20 ms
+    early. Where 95 % intervals hold twelve of thirteen, eleven come in one of four recordings."""
+    record = laboratory()
+    from laboratory import Faults
+    made = record(tmp_path / "bag", "device", seed=seed, faults=Faults(
+        rate=100.0, positions_only=True, jitter=3e-4, late={"tracking": 0.003}, outliers=0.02, lost=0.1, stated=0.33,
+        begins_in_motion=0.7))
+    identified = identify(made.bag, made.scene, THIRTEEN)
+    inside = [low <= made.truth[name] <= high for name, (low, high) in identified.intervals.items()]
+    assert sum(inside) >= 11 and identified.p_value > 0.01, identified.verdict
+    assert identified.values["ground.friction"] == pytest.approx(made.truth["ground.friction"], rel=0.01)
+    for name in ("upper.spring.stiffness", "inclined.spring.stiffness"):
+        assert identified.values[name] == pytest.approx(made.truth[name], rel=0.005)
+    offset, low, high = identified.sensors["tracking.offset"]
+    assert offset == pytest.approx(0.003, abs=2e-4)
+
+
+@pytest.mark.slow
 def test_noise_that_neighbours_only_bound_is_taken_taken_from_the_residuals(tmp_path):
     """At 100 Hz a mass moves by 4 mm between two samples: neighbouring values give a hundred times its noise, and a fit
     that weighed by it was up to 70 % off and left a quarter of the windows out."""

@@ -150,6 +150,34 @@ def test_the_misfit_of_a_window_has_its_residuals_and_the_defect_at_its_end(prob
     assert_allclose(less[2:], misfits[2:])
 
 
+def test_a_window_in_another_motion_does_not_tear_its_neighbours_where_samples_are_far_apart(problem):
+    """Cauchy's function of a defect d of two numbers is 18 log(1 + d² / 18), its weight the derivative by d²."""
+    shooting, _, at = problem
+    squares = np.where(shooting.windows.joined, np.sum((at.defects / (0.1 * shooting.widths))**2, axis=1), 0.0)
+    assert_allclose(shooting.joints(at, 0.1)[0], squares)
+    assert_allclose(shooting.joints(at, 0.1)[1], shooting.windows.joined)
+    plain = shooting.by_window(at, 0.0, 0.1)
+    shooting.is_coarse = True
+    rho, weight = shooting.joints(at, 0.1)
+    assert squares.max() > 1e4
+    assert_allclose(rho, 18.0 * np.log1p(squares / 18.0))
+    assert_allclose(weight, shooting.windows.joined / (1.0 + squares / 18.0))
+    assert_allclose((plain - shooting.by_window(at, 0.0, 0.1))[:-1], squares - rho)
+
+
+def test_windows_settle_each_by_itself_and_parameters_stay(problem):
+    """In a linear problem a state of two numbers is the one of least squares of its window's residuals."""
+    shooting, by, at = problem
+    settled = shooting.settled(at, 0.0, 6)
+    assert_allclose(settled.parameters, at.parameters)
+    for k, part in enumerate(shooting.windows.slices):
+        step = np.linalg.lstsq(by.residuals_by_state[part], -at.found.residuals[part], rcond=None)[0]
+        assert_allclose(settled.states[k], at.states[k] + step, rtol=1e-4, atol=1e-4)
+    there = shooting.point(settled.parameters, settled.states)
+    assert_allclose(settled.found.residuals, there.found.residuals)
+    assert_allclose(settled.found.ends, there.found.ends)
+
+
 def test_a_loose_misfit_gives_an_outlier_little_weight(problem):
     """Cauchy's function of a residual r, blurred by b, is 9 log(1 + (r / b)² / 9); its weight is the derivative by r².
     """

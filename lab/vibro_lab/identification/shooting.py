@@ -136,10 +136,10 @@ class Shooting:
         simulated = self._simulate(parameters, states)
         return None if simulated is None else Point(parameters, states, simulated)
 
-    def jacobian(self, at: Point) -> Jacobian:
-        """Return the derivatives at a point."""
+    def jacobian(self, at: Point, by_parameters: bool = True) -> Jacobian:
+        """Return the derivatives at a point; without those by parameters, which have no columns then."""
         count, steps = len(at.parameters), self.widths * _STATE_STEP
-        columns = [(_STEP * row, np.zeros(len(steps)), _STEP) for row in np.eye(count)]
+        columns = [(_STEP * row, np.zeros(len(steps)), _STEP) for row in np.eye(count)] if by_parameters else []
         columns += [(np.zeros(count), step * row, step) for row, step in zip(np.eye(len(steps)), steps, strict=True)]
 
         def difference(column: tuple[np.ndarray, np.ndarray, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -152,6 +152,7 @@ class Shooting:
             return np.zeros_like(at.found.residuals), np.zeros_like(at.found.ends)
 
         self.passes += len(columns)
+        count *= by_parameters
         differences = [future.result() for _, future in in_processes(difference, columns, self._workers)]
         residuals, ends = (np.stack(part, axis=-1) for part in zip(*differences, strict=True))
         return Jacobian(residuals[:, :count], residuals[:, count:], ends[..., :count], ends[..., count:])
@@ -185,10 +186,19 @@ class Shooting:
     def _joined(self) -> np.ndarray:
         return self.windows.joined & ~self.left_out[:-1] & ~self.left_out[1:]
 
+    def joints(self, at: Point, width: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return rho of each defect, and the weight of its square, shape (windows - 1,). Where samples are far apart a
+        window may fit them in a motion with another blow, to which no other window joins: it must not tear them."""
+        squares = np.where(self._joined, np.sum((at.defects / (width * self.widths))**2, axis=1), 0.0)
+        if not self.is_coarse:
+            return squares, self._joined.astype(float)
+        most = OUTLIER**2 * len(self.widths)
+        return most * np.log1p(squares / most), self._joined / (1.0 + squares / most)
+
     def by_window(self, at: Point, looseness: float, width: float) -> np.ndarray:
         """Return the misfit of each window and of its defect, shape (windows,); 0 for those that are left out."""
         misfits = np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
-        misfits[:-1] += np.where(self._joined, np.sum((at.defects / (width * self.widths))**2, axis=1), 0.0)
+        misfits[:-1] += self.joints(at, width)[0]
         return np.where(self.left_out, 0.0, misfits)
 
     def misfit(self, at: Point, looseness: float, width: float) -> float:
@@ -221,13 +231,14 @@ class Shooting:
         for k, part in enumerate(self.windows.slices):
             add(k, jacobian.residuals_by_state[part], jacobian.residuals[part], weights[part],
                 at.found.residuals[part])
-        for k in np.flatnonzero(self._joined).tolist():
-            defect, by_own = at.defects[k], jacobian.ends[k]
-            add(k, jacobian.ends_by_state[k], by_own, tight**2, defect)
-            beside[k] = -jacobian.ends_by_state[k].T * tight**2
-            diagonal[k + 1] += np.diag(tight**2)
-            border[k + 1] -= tight[:, None]**2 * by_own
-            gradient[k + 1] -= tight**2 * defect
+        joints = self.joints(at, width)[1]
+        for k in np.flatnonzero(joints).tolist():
+            defect, by_own, weight = at.defects[k], jacobian.ends[k], joints[k] * tight**2
+            add(k, jacobian.ends_by_state[k], by_own, weight, defect)
+            beside[k] = -jacobian.ends_by_state[k].T * weight
+            diagonal[k + 1] += np.diag(weight)
+            border[k + 1] -= weight[:, None] * by_own
+            gradient[k + 1] -= weight * defect
         return NormalEquations(diagonal, beside, border, gradient, corner, corner_gradient)
 
     def minimise(self, at: Point, looseness: float, width: float, most: int, enough: float = 1e-3,
@@ -311,8 +322,8 @@ class Shooting:
         change = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(state_step))
         defects = (at.defects + jacobian.ends[:-1] @ parameter_step
                    + np.einsum("kij,kj->ki", jacobian.ends_by_state[:-1], state_step[:-1]) - state_step[1:])
-        change[:-1] += np.where(self._joined, np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1),
-                                0.0)
+        change[:-1] += self.joints(at, width)[1] * np.sum((defects**2 - at.defects**2) / (width * self.widths)**2,
+                                                          axis=1)
         return change
 
     def _leave_out(self, jumped: np.ndarray) -> bool:
@@ -339,6 +350,32 @@ class Shooting:
             if better.any():
                 at = self.point(at.parameters, np.where(better[:, None], states, at.states)) or at
         return at
+
+    def settled(self, at: Point, looseness: float, most: int) -> Point:
+        """Return the point after so many Levenberg-Marquardt steps of the states alone, each window by itself."""
+        (count, states), windows = at.states.shape, self.windows
+        damping = np.full(count, 1e-3)
+        for _ in range(most):
+            by_state, (losses, weights) = self.jacobian(at, False).residuals_by_state, self.losses(at, looseness)
+            weighted = weights[:, None] * by_state
+            matrix = np.array([weighted[part].T @ by_state[part] for part in windows.slices])
+            gradient = np.array([weighted[part].T @ at.found.residuals[part] for part in windows.slices])
+            diagonal = np.einsum("kii->ki", matrix) * (1.0 + damping[:, None])
+            matrix[:, range(states), range(states)] = diagonal + 1e-12 * diagonal.max()
+            there = self.point(at.parameters, at.states - np.linalg.solve(matrix, gradient[..., None])[..., 0])
+            if there is None:
+                damping *= _GROWTH
+                continue
+            better = np.bincount(windows.window, self.losses(there, looseness)[0] - losses, count) < 0.0
+            damping = np.where(better, np.maximum(damping / _GROWTH, _LEAST_DAMPING), damping * _GROWTH)
+            at = self.mixed(at, there, better)
+        return at
+
+    def mixed(self, at: Point, other: Point, are_others: np.ndarray) -> Point:
+        """Return the point of which some windows, shape (windows,), are another's with the same parameters."""
+        return Point(at.parameters, np.where(are_others[:, None], other.states, at.states), Pass(
+            np.where(are_others[self.windows.window], other.found.residuals, at.found.residuals),
+            np.where(are_others[:, None], other.found.ends, at.found.ends)))
 
 
 @dataclass(frozen=True)
