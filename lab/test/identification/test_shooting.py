@@ -154,28 +154,32 @@ def test_a_window_in_another_motion_does_not_tear_its_neighbours_where_samples_a
     """Cauchy's function of a defect d of two numbers is 18 log(1 + d² / 18), its weight the derivative by d²."""
     shooting, _, at = problem
     squares = np.where(shooting.windows.joined, np.sum((at.defects / (0.1 * shooting.widths))**2, axis=1), 0.0)
-    assert_allclose(shooting.joints(at, 0.1)[0], squares)
-    assert_allclose(shooting.joints(at, 0.1)[1], shooting.windows.joined)
+    assert_allclose(shooting.joints(at.defects, 0.1)[0], squares)
+    assert_allclose(shooting.joints(at.defects, 0.1)[1], shooting.windows.joined)
     plain = shooting.by_window(at, 0.0, 0.1)
     shooting.is_coarse = True
-    rho, weight = shooting.joints(at, 0.1)
+    rho, weight = shooting.joints(at.defects, 0.1)
     assert squares.max() > 1e4
     assert_allclose(rho, 18.0 * np.log1p(squares / 18.0))
     assert_allclose(weight, shooting.windows.joined / (1.0 + squares / 18.0))
     assert_allclose((plain - shooting.by_window(at, 0.0, 0.1))[:-1], squares - rho)
 
 
-def test_windows_settle_each_by_itself_and_parameters_stay(problem):
-    """In a linear problem a state of two numbers is the one of least squares of its window's residuals."""
-    shooting, by, at = problem
-    settled = shooting.settled(at, 0.0, 6)
-    assert_allclose(settled.parameters, at.parameters)
-    for k, part in enumerate(shooting.windows.slices):
-        step = np.linalg.lstsq(by.residuals_by_state[part], -at.found.residuals[part], rcond=None)[0]
-        assert_allclose(settled.states[k], at.states[k] + step, rtol=1e-4, atol=1e-4)
-    there = shooting.point(settled.parameters, settled.states)
-    assert_allclose(settled.found.residuals, there.found.residuals)
-    assert_allclose(settled.found.ends, there.found.ends)
+def test_a_window_torn_from_the_one_before_joins_it_again_and_the_misfit_falls(problem):
+    """What the states of a torn window should have been is the end of the window before."""
+    shooting, _, at = problem
+    shooting.is_coarse = True
+    at = shooting.minimise(at, 0.0, 0.1, 10)
+    states = at.states.copy()
+    states[1] += 1e4 * shooting.widths
+    torn = shooting.point(at.parameters, states)
+    joined = shooting.rejoined(torn, 0.0, 0.1)
+    assert_allclose(joined.states[1], at.found.ends[0])
+    assert_allclose(np.delete(joined.states, 1, axis=0), np.delete(at.states, 1, axis=0))
+    there = shooting.point(joined.parameters, joined.states)
+    assert_allclose(joined.found.residuals, there.found.residuals)
+    assert_allclose(joined.found.ends, there.found.ends)
+    assert shooting.misfit(joined, 0.0, 0.1) < shooting.misfit(torn, 0.0, 0.1)
 
 
 def test_a_loose_misfit_gives_an_outlier_little_weight(problem):

@@ -12,7 +12,7 @@ from vibro_lab.identification.noise import clipped, refined_sizes, sizes_of, wil
 from vibro_lab.identification.nuisances import Nuisances, Start, crank_at
 from vibro_lab.identification.recording import AT_MOST, Channel, Recording
 from vibro_lab.identification.settings import FitSettings
-from vibro_lab.identification.shooting import RESOLVED, TIGHT, Jacobian, Point, Shooting, width_of
+from vibro_lab.identification.shooting import RESOLVED, Jacobian, Point, Shooting, width_of
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.identification.windowing import (
     REACHES,
@@ -84,7 +84,7 @@ class Fit:
     @property
     def misfit(self) -> float:
         """Twice the negative logarithm of the likelihood, but for a constant."""
-        return self.shooting.misfit(self.at, 0.0, TIGHT)
+        return self.shooting.misfit(self.at, 0.0, self.shooting.tight)
 
     @property
     def mean_squares(self) -> np.ndarray:
@@ -93,7 +93,7 @@ class Fit:
 
     def information(self) -> np.ndarray:
         """Return Fisher's information of all parameters, the states unknown."""
-        return self.shooting.equations(self.at, self.jacobian, 0.0, TIGHT).information()
+        return self.shooting.equations(self.at, self.jacobian, 0.0, self.shooting.tight).information()
 
 
 class Fitting:
@@ -173,7 +173,6 @@ class Fitting:
         for looseness in settings.chain_loosenesses[1:] if shooting.is_coarse else settings.chain_loosenesses[
                 -1:] if self._unseen else settings.chain_loosenesses:
             at = self._tightened(shooting, at, looseness, looseness)
-            at = self._rescued(shooting, at, looseness) if shooting.is_coarse else at
             at = self._with_noise_of_residuals(shooting, at)
         shooting.prior = self._prior(parameters, np.zeros(count))
         at = at if shooting.is_coarse else self._repaired(shooting, at, 0.0)
@@ -188,7 +187,7 @@ class Fitting:
             at = shooting.point(at.parameters, at.states) or at
             self._say("all windows as one motion")
             is_last = not later or not white.differs_from(self.recording)
-            at = shooting.minimise(at, 0.0, TIGHT, settings.steps,
+            at = shooting.minimise(at, 0.0, shooting.tight, settings.steps,
                                    settings.enough if is_last else settings.enough_of_chain)
             if not white.differs_from(self.recording):
                 break
@@ -463,26 +462,6 @@ class Fitting:
             if at is earlier_point:
                 break
             candidates = []
-        return at
-
-    def _rescued(self, shooting: Shooting, at: Point, looseness: float) -> Point:
-        """Return the point whose windows that fit much worse than others begin elsewhere, if they fit better so: from
-        the end of the window before, from measurements, or from draws, because samples that are far apart do not tell
-        on which side of a blow they are; and then each by itself from a state that fits its measurements better."""
-        window, count = shooting.windows.window, np.maximum(np.bincount(shooting.windows.window), 1)
-        follow = at.states.copy()
-        follow[1:] = np.where(shooting.windows.joined[:, None], at.found.ends[:-1], follow[1:])
-        for is_drawn in (False, True):
-            loss = np.bincount(window, shooting.losses(at, looseness)[0]) / count
-            lost = loss > self.settings.unexplained * max(float(np.median(loss)), 1e-12)
-            if not lost.any():
-                break
-            states = self._drawn(shooting, at, looseness) if is_drawn else follow
-            there = shooting.point(at.parameters, np.where(lost[:, None], states, at.states))
-            if there is not None:
-                there = shooting.settled(there, looseness, self.settings.settling)
-                better = np.bincount(window, shooting.losses(there, looseness)[0]) / count < 0.9 * loss
-                at = shooting.mixed(at, there, better & lost)
         return at
 
     def _drawn(self, shooting: Shooting, at: Point, looseness: float) -> np.ndarray:

@@ -27,7 +27,6 @@ class FitSettings:
     slowest: float = 20.0  # rad/s: a slower crank makes windows no longer
     repairs: int = 4  # rounds in which windows begin elsewhere: each may mend the window after a mended one
     draws: int = 20  # states tried at the start of a window that is lost where samples are too few to tell them
-    settling: int = 4  # steps of such states by themselves
     drawn_widths: float = 5.0  # standard deviation of such a draw: 5 mm and 0.5 m/s, what a line through few is off
     weight: float = 1.0  # of the first stages' prior, in coordinates
     stiff_weight: float = 100.0  # of a plate's stiffness there, which shows only within a blow

@@ -32,6 +32,7 @@ WIDTHS = {"position": 1e-3, "height": 1e-3, "velocity": 0.1, "angle": 0.01, "spe
 TIGHT = 1e-4
 """Looseness of defects at which the windows are one motion. At 1e-3 a defect still took some of the noise of each
 window, and 95 % intervals covered 99 %; at 1e-4 they cover 97 %."""
+_TIGHT_IF_COARSE = 1e-3  # for many short windows, whose joints bend: at 1e-4 the bend of a step outweighed what it won
 RESOLVED = 1e-3
 """Looseness below which neither noise nor the bend of a motion counts: 1 µm, 0.1 mm/s."""
 OUTLIER = 3.0
@@ -42,6 +43,7 @@ _LONGEST = 0.7  # longest change of a coordinate in a step: a positive parameter
 _TRIES, _LEAST_DAMPING, _GROWTH = 8, 1e-9, 10.0
 #: Most steps with the same derivatives, and the share of what they say that a step wins while they hold.
 _CHORDS, _HOLDS = 5, 0.7
+_CORRECTIONS, _REJOININGS = 3, 6  # most of a step with the same derivatives; most rounds, of windows not adjacent
 _LITTLE = 1e-3  # of the misfit, where a parameter is within a thirtieth of its standard deviation of the best
 #: A window jumps if it spoils a step by this share of what the step should have won; largest share of such windows.
 _JUMP, _MOST_LEFT_OUT = 0.3, 0.3
@@ -130,16 +132,21 @@ class Shooting:
         more.passes, more.limits, more.left_out = 0, [*self.limits, (direction, low, high)], self.left_out.copy()
         return more
 
+    @property
+    def tight(self) -> float:
+        """Looseness of defects at which the windows are one motion."""
+        return _TIGHT_IF_COARSE if self.is_coarse else TIGHT
+
     def point(self, parameters: np.ndarray, states: np.ndarray) -> Point | None:
         """Return the point with these parameters and states; None where there is no motion."""
         self.passes += 1
         simulated = self._simulate(parameters, states)
         return None if simulated is None else Point(parameters, states, simulated)
 
-    def jacobian(self, at: Point, by_parameters: bool = True) -> Jacobian:
-        """Return the derivatives at a point; without those by parameters, which have no columns then."""
+    def jacobian(self, at: Point) -> Jacobian:
+        """Return the derivatives at a point."""
         count, steps = len(at.parameters), self.widths * _STATE_STEP
-        columns = [(_STEP * row, np.zeros(len(steps)), _STEP) for row in np.eye(count)] if by_parameters else []
+        columns = [(_STEP * row, np.zeros(len(steps)), _STEP) for row in np.eye(count)]
         columns += [(np.zeros(count), step * row, step) for row, step in zip(np.eye(len(steps)), steps, strict=True)]
 
         def difference(column: tuple[np.ndarray, np.ndarray, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -152,7 +159,6 @@ class Shooting:
             return np.zeros_like(at.found.residuals), np.zeros_like(at.found.ends)
 
         self.passes += len(columns)
-        count *= by_parameters
         differences = [future.result() for _, future in in_processes(difference, columns, self._workers)]
         residuals, ends = (np.stack(part, axis=-1) for part in zip(*differences, strict=True))
         return Jacobian(residuals[:, :count], residuals[:, count:], ends[..., :count], ends[..., count:])
@@ -186,10 +192,10 @@ class Shooting:
     def _joined(self) -> np.ndarray:
         return self.windows.joined & ~self.left_out[:-1] & ~self.left_out[1:]
 
-    def joints(self, at: Point, width: float) -> tuple[np.ndarray, np.ndarray]:
+    def joints(self, defects: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
         """Return rho of each defect, and the weight of its square, shape (windows - 1,). Where samples are far apart a
         window may fit them in a motion with another blow, to which no other window joins: it must not tear them."""
-        squares = np.where(self._joined, np.sum((at.defects / (width * self.widths))**2, axis=1), 0.0)
+        squares = np.where(self._joined, np.sum((defects / (width * self.widths))**2, axis=1), 0.0)
         if not self.is_coarse:
             return squares, self._joined.astype(float)
         most = OUTLIER**2 * len(self.widths)
@@ -198,7 +204,7 @@ class Shooting:
     def by_window(self, at: Point, looseness: float, width: float) -> np.ndarray:
         """Return the misfit of each window and of its defect, shape (windows,); 0 for those that are left out."""
         misfits = np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
-        misfits[:-1] += self.joints(at, width)[0]
+        misfits[:-1] += self.joints(at.defects, width)[0]
         return np.where(self.left_out, 0.0, misfits)
 
     def misfit(self, at: Point, looseness: float, width: float) -> float:
@@ -231,7 +237,7 @@ class Shooting:
         for k, part in enumerate(self.windows.slices):
             add(k, jacobian.residuals_by_state[part], jacobian.residuals[part], weights[part],
                 at.found.residuals[part])
-        joints = self.joints(at, width)[1]
+        joints = self.joints(at.defects, width)[1]
         for k in np.flatnonzero(joints).tolist():
             defect, by_own, weight = at.defects[k], jacobian.ends[k], joints[k] * tight**2
             add(k, jacobian.ends_by_state[k], by_own, weight, defect)
@@ -253,6 +259,7 @@ class Shooting:
         for _ in range(most):
             fresh = jacobian is None
             if jacobian is None:
+                at = self.rejoined(at, looseness, width) if self.is_coarse else at
                 jacobian = self.jacobian(at)
                 if self.is_coarse and not looseness:
                     self._leave_out(self.jumps(at, jacobian))
@@ -277,7 +284,8 @@ class Shooting:
         """Return a point with a lower misfit, None if none is found; by how much the derivatives said that the first
         step would lower it; and the damping to go on with. Only `fresh` derivatives, those of the point itself, tell
         what jumps, and are worth more than one step. A step that would win less than `little` tells nothing of jumps,
-        because it is spoilt by much smaller ones."""
+        because it is spoilt by much smaller ones. Where windows are many and short, a step that bends their joints is
+        corrected with the same derivatives first: only what they do not mend is a jump."""
         first = np.inf
         for _ in range(_TRIES if fresh else 1):
             misfit = self.misfit(at, looseness, width)  # of the windows that are not left out by now
@@ -288,6 +296,8 @@ class Shooting:
                 change = self._change(at, there, jacobian, looseness, width)
                 promised = self._prior_misfit(at) - self._prior_misfit(there) - float(change.sum())
                 first = promised if first == np.inf else first
+                if self.is_coarse and not looseness:
+                    there = self._corrected(there, jacobian, looseness, width, damping, misfit)
                 if self.misfit(there, looseness, width) < misfit:
                     return there, first, max(damping / _GROWTH, _LEAST_DAMPING)
                 if promised < little:
@@ -297,6 +307,20 @@ class Shooting:
             if fresh and not self._leave_out(jumped):
                 damping *= _GROWTH
         return None, first, damping
+
+    def _corrected(self, at: Point, jacobian: Jacobian, looseness: float, width: float, damping: float,
+                   enough: float) -> Point:
+        """Return the point after steps with derivatives of another point, while they lower the misfit that is not yet
+        below `enough`."""
+        for _ in range(_CORRECTIONS):
+            if self.misfit(at, looseness, width) < enough:
+                break
+            step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
+            there = step and self.point(at.parameters + step[0], at.states + step[1])
+            if not there or self.misfit(there, looseness, width) >= self.misfit(at, looseness, width):
+                break
+            at = there
+        return at
 
     def _step(self, at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the step of parameters and states that stays within the limits; None if there is none."""
@@ -322,8 +346,8 @@ class Shooting:
         change = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(state_step))
         defects = (at.defects + jacobian.ends[:-1] @ parameter_step
                    + np.einsum("kij,kj->ki", jacobian.ends_by_state[:-1], state_step[:-1]) - state_step[1:])
-        change[:-1] += self.joints(at, width)[1] * np.sum((defects**2 - at.defects**2) / (width * self.widths)**2,
-                                                          axis=1)
+        squares = np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1)
+        change[:-1] += self.joints(at.defects, width)[1] * squares
         return change
 
     def _leave_out(self, jumped: np.ndarray) -> bool:
@@ -351,23 +375,25 @@ class Shooting:
                 at = self.point(at.parameters, np.where(better[:, None], states, at.states)) or at
         return at
 
-    def settled(self, at: Point, looseness: float, most: int) -> Point:
-        """Return the point after so many Levenberg-Marquardt steps of the states alone, each window by itself."""
-        (count, states), windows = at.states.shape, self.windows
-        damping = np.full(count, 1e-3)
-        for _ in range(most):
-            by_state, (losses, weights) = self.jacobian(at, False).residuals_by_state, self.losses(at, looseness)
-            weighted = weights[:, None] * by_state
-            matrix = np.array([weighted[part].T @ by_state[part] for part in windows.slices])
-            gradient = np.array([weighted[part].T @ at.found.residuals[part] for part in windows.slices])
-            diagonal = np.einsum("kii->ki", matrix) * (1.0 + damping[:, None])
-            matrix[:, range(states), range(states)] = diagonal + 1e-12 * diagonal.max()
-            there = self.point(at.parameters, at.states - np.linalg.solve(matrix, gradient[..., None])[..., 0])
-            if there is None:
-                damping *= _GROWTH
-                continue
-            better = np.bincount(windows.window, self.losses(there, looseness)[0] - losses, count) < 0.0
-            damping = np.where(better, np.maximum(damping / _GROWTH, _LEAST_DAMPING), damping * _GROWTH)
+    def rejoined(self, at: Point, looseness: float, width: float) -> Point:
+        """Return the point in which windows start where the one before ends, if that lowers the misfit: one that fits
+        its few samples in a motion with another blow is torn from it, and small steps do not lead back."""
+        def rho(defects: np.ndarray) -> np.ndarray:
+            return np.concatenate([[0.0], self.joints(defects, width)[0], [0.0]])
+
+        for _ in range(_REJOININGS):
+            torn = rho(at.defects)[:-1] > OUTLIER**2 * len(self.widths)
+            follow = np.where(torn[:, None], np.concatenate([at.states[:1], at.found.ends[:-1]]), at.states)
+            if not torn.any() or (there := self.point(at.parameters, follow)) is None:
+                break
+            before, after = rho(at.defects), rho(there.found.ends[:-1] - at.states[1:])
+            change = np.bincount(self.windows.window, self.losses(there, looseness)[0] - self.losses(at, looseness)[0],
+                                 len(torn)) + after[1:] - before[1:] - before[:-1]
+            better = torn & ~self.left_out & (change < -1.0)
+            for k in np.flatnonzero(better).tolist():
+                better[k] &= not better[k - 1]  # of two neighbours one stays, else neither joins
+            if not better.any():
+                break
             at = self.mixed(at, there, better)
         return at
 
