@@ -242,6 +242,22 @@ def test_a_window_that_jumps_is_left_out_and_the_others_are_fitted():
     assert shooting.misfit(minimum, 0.0, 1.0) == pytest.approx(float(left @ left), abs=2e-3)
 
 
+def test_a_step_that_bends_the_joints_is_corrected_and_no_window_left_out_for_it():
+    """Ends grow with the square of the parameter, of which the derivatives at 0 say nothing."""
+    windows = made()
+
+    def simulated(coordinates, at):
+        return Pass(np.where(windows.channel == 0, coordinates[0] - 1.0, at[windows.window, 1]),
+                    at + np.array([1e-5 * coordinates[0]**2, 0.0]))
+
+    shooting = Shooting(windows, simulated)
+    shooting.is_coarse = True
+    at = shooting.minimise(shooting.point(np.zeros(1), np.zeros((len(GAP), 2))), 0.0, shooting.tight, 2)
+    assert at.parameters[0] == pytest.approx(1.0, abs=1e-3)
+    assert not shooting.left_out.any()
+    assert_allclose(at.defects[windows.joined], 0.0, atol=1e-7)
+
+
 def test_where_there_is_no_motion_the_other_side_gives_the_derivative_and_a_step_is_shorter():
     windows = made(GAP[:1])
 

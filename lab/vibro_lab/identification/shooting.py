@@ -6,8 +6,9 @@ What is minimised is the misfit
 
 where a defect is the state at a window's end less that at the start of the next. A looseness of 1 permits defects of
 1 mm and 0.1 m/s, blurs measurements by as much, and makes rho Cauchy's function, which gives an outlier little weight:
-so a blow at a wrong instant does not hide what the rest of a motion says. The fit tightens the looseness to
-1e-4, where all windows are one motion, and looseness 0 of the measurements has their own noise and rho(r) = r².
+so a blow at a wrong instant does not hide what the rest of a motion says. The fit tightens the looseness to 1e-4, or
+1e-3 if windows are short and many, where all windows are one motion, and looseness 0 of the measurements has their own
+noise and rho(r) = r².
 
 Derivatives are differences of passes, one for each parameter and each number of a state, in all windows at once. The
 state of a window meets only its own measurements and the next window. So the normal equations are block-tridiagonal
@@ -113,8 +114,8 @@ class Shooting:
         Windows that do not count, because their motion jumps: it depends on its start by more than differences tell,
         as where a mass grazes a plate or rattles to rest.
     is_coarse : bool
-        Whether samples are so far apart that windows are asked for `jumps` at each new set of derivatives. Near samples
-        lie within blows, which look like jumps and are none.
+        Whether samples are so far apart that windows are short and many, and are asked for `jumps` at each new set of
+        derivatives. Near samples lie within blows, which look like jumps and are none.
     """
 
     def __init__(self, windows: Windows, simulate: Callable[[np.ndarray, np.ndarray], Pass | None], workers: int = 1):
@@ -434,9 +435,9 @@ class NormalEquations:
         parameter_step = -cho_solve(cho_factor(schur), gradient)
         return parameter_step, (-offset - by_own @ parameter_step).reshape(self.gradient.shape)
 
-    def states_for(self, own: np.ndarray) -> np.ndarray:
+    def states_for(self, parameter_change: np.ndarray) -> np.ndarray:
         """Return the change of the states that follows a change of the parameters, shape (n, s)."""
-        return -(self._eliminated(0.0)[2] @ own).reshape(self.gradient.shape)
+        return -(self._eliminated(0.0)[2] @ parameter_change).reshape(self.gradient.shape)
 
     def held(self, direction: np.ndarray, weight: float, distance: float) -> "NormalEquations":
         """Return the equations with the parameters held along a direction, from which they are `distance` away."""
