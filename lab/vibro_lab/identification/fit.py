@@ -186,7 +186,7 @@ class Fitting:
             white, colours = shooting.windows.colours, self._recoloured(shooting, at)
             at = shooting.point(at.parameters, at.states) or at
             self._say("all windows as one motion")
-            is_last = not later or not white.differs_from(self.recording)
+            is_last = not (shooting.is_coarse and later) or not white.differs_from(self.recording)
             at = shooting.minimise(at, 0.0, shooting.tight, settings.steps,
                                    settings.enough if is_last else settings.enough_of_chain)
             if not white.differs_from(self.recording):
