@@ -201,6 +201,31 @@ def test_a_robot_that_hops_is_found_by_positions_at_a_hundred_hertz(tmp_path, ro
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("seed", "most_outside", "gaps"), [
+    (1, 1, ("upper.gap", "inclined.gap")), (2, 2, ("inclined.gap",))])
+def test_a_robot_that_hops_is_found_by_positions_at_a_hundred_hertz_with_every_fault(
+        tmp_path, seed, most_outside, gaps):
+    """With seed 1 the noise that was found spoilt the fit, 1 of 13 inside; with seed 2 the camera was taken to be 20 ms
+    early. The upper gap shows for 0.1 s only, until a command moves the plate: with seed 2 it is 0.6 mm off, so eleven
+    of thirteen are inside."""
+    record = laboratory()
+    from laboratory import Faults
+    made = record(tmp_path / "bag", "device", seed=seed, faults=Faults(
+        rate=100.0, positions_only=True, jitter=3e-4, late={"tracking": 0.003}, outliers=0.02, lost=0.1, stated=0.33,
+        begins_in_motion=0.7))
+    identified = identify(made.bag, made.scene, THIRTEEN)
+    inside = [low <= made.truth[name] <= high for name, (low, high) in identified.intervals.items()]
+    assert len(THIRTEEN) - sum(inside) <= most_outside and identified.p_value > 0.01, identified.verdict
+    assert identified.values["ground.friction"] == pytest.approx(made.truth["ground.friction"], rel=0.01)
+    for name in ("upper.spring.stiffness", "inclined.spring.stiffness"):
+        assert identified.values[name] == pytest.approx(made.truth[name], rel=0.005)
+    for name in gaps:
+        assert identified.values[name] == pytest.approx(made.truth[name], abs=5e-5)
+    assert identified.sensors["tracking.offset"][0] == pytest.approx(0.003, abs=1e-4)
+    assert identified.passes <= 1500
+
+
+@pytest.mark.slow
 def test_noise_that_neighbours_only_bound_is_taken_taken_from_the_residuals(tmp_path):
     """At 100 Hz a mass moves by 4 mm between two samples: neighbouring values give a hundred times its noise, and a fit
     that weighed by it was up to 70 % off and left a quarter of the windows out."""

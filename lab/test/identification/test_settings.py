@@ -15,7 +15,7 @@ FREE = ("ground.friction", "mass.body", "upper.gap", "inclined.spring.stiffness"
 UNSEEN = {"unseen_loosenesses", "tied", "blur", "least_blurred", "unseen_weight", "rounds", "few_lost",
           "far_off_in_shares", "far_off", "scouts", "drawn", "better"}
 """Settings for masses that only an IMU feels."""
-COARSE = {"draws", "drawn_speed", "coarse_loosenesses"}  # for samples that are too far apart for a speed
+COARSE = {"draws", "drawn_widths", "coarse_loosenesses"}  # for samples that are too far apart for a speed
 AT_MOST_ONE = {"better", "clearly", "most_lost", "few_lost"}  # shares: twice the value is 1 at most
 
 

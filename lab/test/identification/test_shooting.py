@@ -150,6 +150,38 @@ def test_the_misfit_of_a_window_has_its_residuals_and_the_defect_at_its_end(prob
     assert_allclose(less[2:], misfits[2:])
 
 
+def test_a_window_in_another_motion_does_not_tear_its_neighbours_where_samples_are_far_apart(problem):
+    """Cauchy's function of a defect d of two numbers is 18 log(1 + d² / 18), its weight the derivative by d²."""
+    shooting, _, at = problem
+    squares = np.where(shooting.windows.joined, np.sum((at.defects / (0.1 * shooting.widths))**2, axis=1), 0.0)
+    assert_allclose(shooting.joints(at.defects, 0.1)[0], squares)
+    assert_allclose(shooting.joints(at.defects, 0.1)[1], shooting.windows.joined)
+    plain = shooting.by_window(at, 0.0, 0.1)
+    shooting.is_coarse = True
+    rho, weight = shooting.joints(at.defects, 0.1)
+    assert squares.max() > 1e4
+    assert_allclose(rho, 18.0 * np.log1p(squares / 18.0))
+    assert_allclose(weight, shooting.windows.joined / (1.0 + squares / 18.0))
+    assert_allclose((plain - shooting.by_window(at, 0.0, 0.1))[:-1], squares - rho)
+
+
+def test_a_window_torn_from_the_one_before_joins_it_again_and_the_misfit_falls(problem):
+    """What the states of a torn window should have been is the end of the window before."""
+    shooting, _, at = problem
+    shooting.is_coarse = True
+    at = shooting.minimise(at, 0.0, 0.1, 10)
+    states = at.states.copy()
+    states[1] += 1e4 * shooting.widths
+    torn = shooting.point(at.parameters, states)
+    joined = shooting.rejoined(torn, 0.0, 0.1)
+    assert_allclose(joined.states[1], at.found.ends[0])
+    assert_allclose(np.delete(joined.states, 1, axis=0), np.delete(at.states, 1, axis=0))
+    there = shooting.point(joined.parameters, joined.states)
+    assert_allclose(joined.found.residuals, there.found.residuals)
+    assert_allclose(joined.found.ends, there.found.ends)
+    assert shooting.misfit(joined, 0.0, 0.1) < shooting.misfit(torn, 0.0, 0.1)
+
+
 def test_a_loose_misfit_gives_an_outlier_little_weight(problem):
     """Cauchy's function of a residual r, blurred by b, is 9 log(1 + (r / b)² / 9); its weight is the derivative by r².
     """
@@ -208,6 +240,22 @@ def test_a_window_that_jumps_is_left_out_and_the_others_are_fitted():
     rows = np.append(used, np.repeat([True, False, True], 2))  # the defect before the window does not count either
     left = matrix[rows] @ np.linalg.lstsq(matrix[rows], right[rows], rcond=None)[0] - right[rows]
     assert shooting.misfit(minimum, 0.0, 1.0) == pytest.approx(float(left @ left), abs=2e-3)
+
+
+def test_a_step_that_bends_the_joints_is_corrected_and_no_window_left_out_for_it():
+    """Ends grow with the square of the parameter, of which the derivatives at 0 say nothing."""
+    windows = made()
+
+    def simulated(coordinates, at):
+        return Pass(np.where(windows.channel == 0, coordinates[0] - 1.0, at[windows.window, 1]),
+                    at + np.array([1e-5 * coordinates[0]**2, 0.0]))
+
+    shooting = Shooting(windows, simulated)
+    shooting.is_coarse = True
+    at = shooting.minimise(shooting.point(np.zeros(1), np.zeros((len(GAP), 2))), 0.0, shooting.tight, 2)
+    assert at.parameters[0] == pytest.approx(1.0, abs=1e-3)
+    assert not shooting.left_out.any()
+    assert_allclose(at.defects[windows.joined], 0.0, atol=1e-7)
 
 
 def test_where_there_is_no_motion_the_other_side_gives_the_derivative_and_a_step_is_shorter():

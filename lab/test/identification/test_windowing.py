@@ -14,7 +14,6 @@ from vibro_lab.identification.windowing import (
     local_states,
     measured,
     measured_spans,
-    merged,
     positions_of,
     roughness,
     unmeasured,
@@ -136,15 +135,6 @@ def test_a_chain_is_joined_covers_the_recording_and_starts_where_it_is_calm(turn
     length = np.diff(spans[:-1], axis=1) * 100.0 / (TURN * turns)
     assert (length > 0.69).all() and (length < 1.31).all()
     assert (rough[np.searchsorted(TIMES, spans[1:, 0])] < 0.01).all()
-
-
-def test_merged_windows_cover_the_same_and_none_reaches_across_a_pause():
-    edges = np.arange(8.0)
-    spans = np.concatenate([np.column_stack([edges[:-1], edges[1:]]), np.column_stack([edges[:3], edges[1:4]]) + 60.0])
-    joined, first = merged(spans, 3)
-    assert joined.tolist() == [[0.0, 3.0], [3.0, 6.0], [6.0, 7.0], [60.0, 63.0]]
-    assert first.tolist() == [0, 3, 6, 7]
-    assert merged(spans, 1)[0].tolist() == spans.tolist()
 
 
 def test_no_window_starts_while_the_crank_rests():

@@ -12,7 +12,7 @@ from vibro_lab.identification.noise import clipped, refined_sizes, sizes_of, wil
 from vibro_lab.identification.nuisances import Nuisances, Start, crank_at
 from vibro_lab.identification.recording import AT_MOST, Channel, Recording
 from vibro_lab.identification.settings import FitSettings
-from vibro_lab.identification.shooting import RESOLVED, TIGHT, Jacobian, Point, Shooting, width_of
+from vibro_lab.identification.shooting import RESOLVED, Jacobian, Point, Shooting, width_of
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.identification.windowing import (
     REACHES,
@@ -23,7 +23,6 @@ from vibro_lab.identification.windowing import (
     longer_reach,
     measured,
     measured_spans,
-    merged,
     positions_of,
     roughness,
     unmeasured,
@@ -85,7 +84,7 @@ class Fit:
     @property
     def misfit(self) -> float:
         """Twice the negative logarithm of the likelihood, but for a constant."""
-        return self.shooting.misfit(self.at, 0.0, TIGHT)
+        return self.shooting.misfit(self.at, 0.0, self.shooting.tight)
 
     @property
     def mean_squares(self) -> np.ndarray:
@@ -94,7 +93,7 @@ class Fit:
 
     def information(self) -> np.ndarray:
         """Return Fisher's information of all parameters, the states unknown."""
-        return self.shooting.equations(self.at, self.jacobian, 0.0, TIGHT).information()
+        return self.shooting.equations(self.at, self.jacobian, 0.0, self.shooting.tight).information()
 
 
 class Fitting:
@@ -143,19 +142,17 @@ class Fitting:
             if len(spans):
                 parameters = self._scanned(spans[::max(1, len(spans) // settings.scouted)], parameters)
             if len(spans) and not coarse:
-                parameters = self._loosely(spans, parameters, "short arcs", settings.arc_loosenesses, 0)[1].parameters
+                parameters = self._loosely(spans, parameters, "short arcs", settings.arc_loosenesses)[1].parameters
             turns = max(settings.half, fewest * speed / math.tau)
             spans = chain(self.stretches, turns)
             far_apart = longer_reach(self.recording, self._names) > 1.0
             if not far_apart:
                 spans = spans[np.unique(np.linspace(0, len(spans) - 1, settings.most_windows).astype(int))]
-            loosenesses, draws = (settings.coarse_loosenesses, settings.draws) if coarse else (
-                settings.half_loosenesses, 0)
-            spans, at = self._loosely(spans, parameters, "half turns", loosenesses, draws)
+            spans, at = self._loosely(spans, parameters, "half turns",
+                                      settings.coarse_loosenesses if coarse else settings.half_loosenesses, far_apart)
             parameters = at.parameters
-            if far_apart:  # measurements alone do not tell the states of the chain
-                spans, first = merged(spans, max(1, round(settings.chain / turns)))
-                half_turns = spans, at.states[first]
+            if far_apart:  # measurements alone do not tell the states of longer windows
+                half_turns = spans, at.states
         return self.followed(parameters, half_turns)
 
     def followed(self, parameters: np.ndarray, half_turns: tuple[np.ndarray, np.ndarray] | None = None) -> Fit:
@@ -171,20 +168,27 @@ class Fitting:
         shooting.prior, shooting.is_coarse = self._prior(parameters), half_turns is not None
         if self._unseen:
             at = self._begun_unseen(shooting, at)
-        for looseness in settings.chain_loosenesses[-1:] if self._unseen else settings.chain_loosenesses:
+        if shooting.is_coarse:  # half turns have fitted these windows at the first looseness
+            at = self._with_noise_of_residuals(shooting, at)
+        for looseness in settings.chain_loosenesses[1:] if shooting.is_coarse else settings.chain_loosenesses[
+                -1:] if self._unseen else settings.chain_loosenesses:
             at = self._tightened(shooting, at, looseness, looseness)
             at = self._with_noise_of_residuals(shooting, at)
         shooting.prior = self._prior(parameters, np.zeros(count))
-        at = self._repaired(shooting, at, 0.0)
+        at = at if shooting.is_coarse else self._repaired(shooting, at, 0.0)
         jumped = shooting.left_out & self._unseen  # such a window holds up the last, tight steps
-        for _ in range(settings.rounds_of_noise):
-            shooting.left_out = (mean_squares(shooting, at) > settings.lost) | jumped
+        for later in reversed(range(settings.rounds_of_noise)):
+            numbers = np.bincount(shooting.windows.window, ~shooting.windows.is_wild)
+            most = np.maximum(settings.lost, 1.0 + settings.settled * np.sqrt(2.0 / np.maximum(numbers, 1)))
+            shooting.left_out = (mean_squares(shooting, at) > most) | jumped
             if shooting.left_out.mean() > settings.most_lost:  # then it is the model that does not fit
                 shooting.left_out[:] = False
             white, colours = shooting.windows.colours, self._recoloured(shooting, at)
             at = shooting.point(at.parameters, at.states) or at
             self._say("all windows as one motion")
-            at = shooting.minimise(at, 0.0, TIGHT, settings.steps, settings.enough)
+            is_last = not (shooting.is_coarse and later) or not white.differs_from(self.recording)
+            at = shooting.minimise(at, 0.0, shooting.tight, settings.steps,
+                                   settings.enough if is_last else settings.enough_of_chain)
             if not white.differs_from(self.recording):
                 break
             at = self._with_noise_of_residuals(shooting, at)  # of a motion that is nearer
@@ -352,11 +356,10 @@ class Fitting:
 
     def _wild(self, shooting: Shooting, residuals: np.ndarray, expected: np.ndarray) -> np.ndarray:
         """Return which measurements are outliers, the whole message if one number is; never one of an IMU, whose blows
-        are peaks, nor one in a window that jumps."""
+        are peaks."""
         windows, settings = shooting.windows, self.settings
         of_imu = np.array([channel.bandwidth > 0.0 for channel in windows.recording.channels])[windows.channel]
-        counts = ~of_imu & ~shooting.left_out[windows.window]
-        is_wild = counts & wild(windows.channel, residuals, expected, settings.wild, settings.most_wild)
+        is_wild = ~of_imu & wild(windows.channel, residuals, expected, settings.wild, settings.most_wild)
         return windows.of_message(is_wild)
 
     def _colours(self, shooting: Shooting, plain: Point) -> Colours:
@@ -386,10 +389,13 @@ class Fitting:
             among = np.zeros(len(channels))
             among[of] = sensor_sizes
             scaled = residuals[mine] / np.hypot(among[windows.channel[mine]], jitter * np.hypot(rates, bends)[mine])
-            if float(np.mean(np.minimum(scaled**2, settings.wild**2))) > settings.unexplained:
+            counts = np.bincount(windows.window[mine], minlength=len(plain.states))
+            is_lost = np.bincount(windows.window[mine], np.minimum(scaled**2, settings.wild**2),
+                                  len(plain.states)) > settings.unexplained * counts
+            if is_lost[(counts > 0) & ~shooting.left_out].mean() > settings.most_lost:  # then it is the model
                 sensor_sizes, jitter = np.ones(len(of)), 0.0
             if jitter:
-                kept = mine & ~shooting.left_out[windows.window] & (
+                kept = mine & ~(shooting.left_out | is_lost)[windows.window] & (
                     np.abs(residuals) < settings.wild * np.hypot(1.0, jitter * np.hypot(rates, bends)))
                 sensor_sizes, share = refined_sizes(
                     np.searchsorted(of, windows.channel[kept]), windows.messages(kept),
@@ -458,28 +464,44 @@ class Fitting:
             candidates = []
         return at
 
+    def _drawn(self, shooting: Shooting, at: Point, looseness: float) -> np.ndarray:
+        """Return states of which each part of the robot has, in each window, what fits its own measurements best: of
+        what those around the window's start tell, and of draws."""
+        settings, windows, random = self.settings, shooting.windows, np.random.default_rng(0)
+        near = [local_states(self.recording, self._names, windows.spans[:, 0], reach, at.states) for reach in REACHES]
+        spread = settings.drawn_widths * shooting.widths
+        draws = [at.states + spread * random.standard_normal(at.states.shape) for _ in range(settings.draws)]
+        part_of = np.array([name.partition("_")[0] for name in self._names])
+        seen = np.array([channel.field.partition("_")[0] for channel in windows.recording.channels])[windows.channel]
+        best, states = dict[str, np.ndarray](), at.states.copy()
+        for tried in (at.states, *near, *draws):
+            if (there := shooting.point(at.parameters, tried)) is None:
+                continue
+            losses = shooting.losses(there, looseness)[0]
+            for part in np.unique(part_of):
+                loss = np.bincount(windows.window, np.where(seen == part, losses, 0.0), len(states))
+                better = loss < 0.9 * best.get(part, np.full(len(states), np.inf))
+                best[part] = np.where(better, loss, best.get(part, loss))
+                rows = np.ix_(better, part_of == part)
+                states[rows] = tried[rows]
+        return states
+
     def _loosely(self, spans: np.ndarray, parameters: np.ndarray, what: str, loosenesses: tuple[float, ...],
-                 draws: int) -> tuple[np.ndarray, Point]:
+                 far_apart: bool = False) -> tuple[np.ndarray, Point]:
         """Return the windows that have measurements, and the point that fits them loosely, from states that samples
-        tell; `draws` other speeds are tried where samples are too few to tell them."""
+        tell, or that are tried where these are `far_apart`."""
         shooting, settings = self._shooting(spans), self.settings
         shooting.prior = self._prior(parameters)
         candidates = self._candidates(shooting, parameters)
         at = self._begun(shooting, parameters, candidates)
         for looseness in loosenesses:
             self._say(f"{len(spans)} {what}, looseness {looseness:g}")
-            if draws and looseness == loosenesses[0]:
-                at = shooting.repaired(at, looseness, [*candidates, *self._drawn(shooting, at, draws)])
             at = shooting.repaired(at, looseness, candidates)
+            if far_apart and looseness == loosenesses[0]:
+                at = shooting.repaired(at, looseness, [self._drawn(shooting, at, looseness)])
             at = shooting.minimise(at, looseness, looseness, settings.steps, settings.enough_of_parts)
         self._passes += shooting.passes
         return shooting.windows.spans, at
-
-    def _drawn(self, shooting: Shooting, at: Point, draws: int) -> list[np.ndarray]:
-        """Return states with other speeds."""
-        random = np.random.default_rng(0)
-        spread = np.array([self.settings.drawn_speed if name.endswith("velocity") else 0.0 for name in self._names])
-        return [at.states + spread * random.standard_normal(at.states.shape) for _ in range(draws)]
 
     def _shooting(self, spans: np.ndarray) -> Shooting:
         times = np.unique(np.concatenate([channel.times for channel in self.recording.channels]))

@@ -24,7 +24,7 @@ from vibro_lab.identification.inference import (
 from vibro_lab.identification.nuisances import CAMERA
 from vibro_lab.identification.recording import AT_MOST, IMU, LATEST, Recording, read_recording
 from vibro_lab.identification.settings import FitSettings
-from vibro_lab.identification.shooting import TIGHT, Point
+from vibro_lab.identification.shooting import Point
 from vibro_lab.identification.unknowns import Unknowns
 from vibro_lab.identification.windows import Colours
 from vibro_ros import PARAMETERS, BagError, Scene, check_scene, core_count, quoted
@@ -471,10 +471,10 @@ def _alternative(name: str, fit: Fit, fitted: Callable[[Unknowns], Fit],
     fit.shooting.windows.recolour(best.colours if len(best.colours.jitters) == len(fit.colours.jitters) else
                                   fit.colours)
     at = fit.shooting.point(fit.at.parameters, fit.at.states) or fit.at
-    at = fit.shooting.minimise(at, 0.0, TIGHT, 2)
+    at = fit.shooting.minimise(at, 0.0, fit.shooting.tight, 2)
     either = fit.shooting.left_out | best.shooting.left_out
-    gain = float((fit.shooting.by_window(at, 0.0, TIGHT)
-                  - best.shooting.by_window(best.at, 0.0, TIGHT))[~either].sum())
+    gain = float((fit.shooting.by_window(at, 0.0, fit.shooting.tight)
+                  - best.shooting.by_window(best.at, 0.0, fit.shooting.tight))[~either].sum())
     fit.shooting.windows.recolour(fit.colours)
     chance = float(chi2.sf(gain, len(more))) if more else math.exp(-0.5 * max(gain, 0.0))
     return Alternative(name, gain, min(chance, 1.0), best.values, best.unknowns.scene_of(best.coordinates),

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from vibro_lab.identification.fit import Fit
-from vibro_lab.identification.shooting import TIGHT
 from vibro_lab.identification.unknowns import plates_in
 from vibro_ros import Scene
 
@@ -83,13 +82,13 @@ def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) 
     shooting, target = fit.shooting, float(direction @ fit.at.parameters) + shift
     along = covariance @ direction
     change = along * (shift / float(direction @ along))
-    equations = shooting.equations(fit.at, fit.jacobian, 0.0, TIGHT)
+    equations = shooting.equations(fit.at, fit.jacobian, 0.0, shooting.tight)
     at = shooting.point(fit.at.parameters + change, fit.at.states + equations.states_for(change))
     if at is None:
         return math.inf
     within = shooting.with_limit(direction, target, target)
-    at = within.minimise(at, 0.0, TIGHT, _JACOBIANS, 1e-6, fit.jacobian)
-    growth = within.misfit(at, 0.0, TIGHT) - within.misfit(fit.at, 0.0, TIGHT)
+    at = within.minimise(at, 0.0, shooting.tight, _JACOBIANS, 1e-6, fit.jacobian)
+    growth = within.misfit(at, 0.0, shooting.tight) - within.misfit(fit.at, 0.0, shooting.tight)
     shooting.passes += within.passes
     return growth
 
@@ -237,4 +236,4 @@ def _gain(fit: Fit, residuals: np.ndarray, ends: np.ndarray) -> float:
     at, shooting = replace(fit.at, parameters=np.append(fit.at.parameters, 0.0)), copy(fit.shooting)
     if shooting.prior is not None:
         shooting.prior = np.append(shooting.prior[0], 0.0), np.append(shooting.prior[1], 0.0)
-    return shooting.equations(at, more, 0.0, TIGHT).gain_of_last()
+    return shooting.equations(at, more, 0.0, shooting.tight).gain_of_last()

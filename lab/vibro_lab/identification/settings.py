@@ -26,8 +26,8 @@ class FitSettings:
     most_windows: int = 60  # in the first stages: a longer recording tells no better where to begin
     slowest: float = 20.0  # rad/s: a slower crank makes windows no longer
     repairs: int = 4  # rounds in which windows begin elsewhere: each may mend the window after a mended one
-    draws: int = 40  # speeds tried at the start of each window where samples are too few to tell them
-    drawn_speed: float = 0.5  # m/s, standard deviation of such a draw: what a spline through few samples is off
+    draws: int = 20  # states tried at the start of a window that is lost where samples are too few to tell them
+    drawn_widths: float = 5.0  # standard deviation of such a draw: 5 mm and 0.5 m/s, what a line through few is off
     weight: float = 1.0  # of the first stages' prior, in coordinates
     stiff_weight: float = 100.0  # of a plate's stiffness there, which shows only within a blow
     lost: float = 1.5  # mean square of a window's residuals beyond which it counts as lost

@@ -6,8 +6,9 @@ What is minimised is the misfit
 
 where a defect is the state at a window's end less that at the start of the next. A looseness of 1 permits defects of
 1 mm and 0.1 m/s, blurs measurements by as much, and makes rho Cauchy's function, which gives an outlier little weight:
-so a blow at a wrong instant does not hide what the rest of a motion says. The fit tightens the looseness to
-1e-4, where all windows are one motion, and looseness 0 of the measurements has their own noise and rho(r) = r².
+so a blow at a wrong instant does not hide what the rest of a motion says. The fit tightens the looseness to 1e-4, or
+1e-3 if windows are short and many, where all windows are one motion, and looseness 0 of the measurements has their own
+noise and rho(r) = r².
 
 Derivatives are differences of passes, one for each parameter and each number of a state, in all windows at once. The
 state of a window meets only its own measurements and the next window. So the normal equations are block-tridiagonal
@@ -32,6 +33,7 @@ WIDTHS = {"position": 1e-3, "height": 1e-3, "velocity": 0.1, "angle": 0.01, "spe
 TIGHT = 1e-4
 """Looseness of defects at which the windows are one motion. At 1e-3 a defect still took some of the noise of each
 window, and 95 % intervals covered 99 %; at 1e-4 they cover 97 %."""
+_TIGHT_IF_COARSE = 1e-3  # for many short windows, whose joints bend: at 1e-4 the bend of a step outweighed what it won
 RESOLVED = 1e-3
 """Looseness below which neither noise nor the bend of a motion counts: 1 µm, 0.1 mm/s."""
 OUTLIER = 3.0
@@ -42,6 +44,7 @@ _LONGEST = 0.7  # longest change of a coordinate in a step: a positive parameter
 _TRIES, _LEAST_DAMPING, _GROWTH = 8, 1e-9, 10.0
 #: Most steps with the same derivatives, and the share of what they say that a step wins while they hold.
 _CHORDS, _HOLDS = 5, 0.7
+_CORRECTIONS, _REJOININGS = 3, 6  # most of a step with the same derivatives; most rounds, of windows not adjacent
 _LITTLE = 1e-3  # of the misfit, where a parameter is within a thirtieth of its standard deviation of the best
 #: A window jumps if it spoils a step by this share of what the step should have won; largest share of such windows.
 _JUMP, _MOST_LEFT_OUT = 0.3, 0.3
@@ -111,8 +114,8 @@ class Shooting:
         Windows that do not count, because their motion jumps: it depends on its start by more than differences tell,
         as where a mass grazes a plate or rattles to rest.
     is_coarse : bool
-        Whether samples are so far apart that windows are asked for `jumps` at each new set of derivatives. Near samples
-        lie within blows, which look like jumps and are none.
+        Whether samples are so far apart that windows are short and many, and are asked for `jumps` at each new set of
+        derivatives. Near samples lie within blows, which look like jumps and are none.
     """
 
     def __init__(self, windows: Windows, simulate: Callable[[np.ndarray, np.ndarray], Pass | None], workers: int = 1):
@@ -129,6 +132,11 @@ class Shooting:
         more = copy(self)
         more.passes, more.limits, more.left_out = 0, [*self.limits, (direction, low, high)], self.left_out.copy()
         return more
+
+    @property
+    def tight(self) -> float:
+        """Looseness of defects at which the windows are one motion."""
+        return _TIGHT_IF_COARSE if self.is_coarse else TIGHT
 
     def point(self, parameters: np.ndarray, states: np.ndarray) -> Point | None:
         """Return the point with these parameters and states; None where there is no motion."""
@@ -185,10 +193,19 @@ class Shooting:
     def _joined(self) -> np.ndarray:
         return self.windows.joined & ~self.left_out[:-1] & ~self.left_out[1:]
 
+    def joints(self, defects: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return rho of each defect, and the weight of its square, shape (windows - 1,). Where samples are far apart a
+        window may fit them in a motion with another blow, to which no other window joins: it must not tear them."""
+        squares = np.where(self._joined, np.sum((defects / (width * self.widths))**2, axis=1), 0.0)
+        if not self.is_coarse:
+            return squares, self._joined.astype(float)
+        most = OUTLIER**2 * len(self.widths)
+        return most * np.log1p(squares / most), self._joined / (1.0 + squares / most)
+
     def by_window(self, at: Point, looseness: float, width: float) -> np.ndarray:
         """Return the misfit of each window and of its defect, shape (windows,); 0 for those that are left out."""
         misfits = np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
-        misfits[:-1] += np.where(self._joined, np.sum((at.defects / (width * self.widths))**2, axis=1), 0.0)
+        misfits[:-1] += self.joints(at.defects, width)[0]
         return np.where(self.left_out, 0.0, misfits)
 
     def misfit(self, at: Point, looseness: float, width: float) -> float:
@@ -221,13 +238,14 @@ class Shooting:
         for k, part in enumerate(self.windows.slices):
             add(k, jacobian.residuals_by_state[part], jacobian.residuals[part], weights[part],
                 at.found.residuals[part])
-        for k in np.flatnonzero(self._joined).tolist():
-            defect, by_own = at.defects[k], jacobian.ends[k]
-            add(k, jacobian.ends_by_state[k], by_own, tight**2, defect)
-            beside[k] = -jacobian.ends_by_state[k].T * tight**2
-            diagonal[k + 1] += np.diag(tight**2)
-            border[k + 1] -= tight[:, None]**2 * by_own
-            gradient[k + 1] -= tight**2 * defect
+        joints = self.joints(at.defects, width)[1]
+        for k in np.flatnonzero(joints).tolist():
+            defect, by_own, weight = at.defects[k], jacobian.ends[k], joints[k] * tight**2
+            add(k, jacobian.ends_by_state[k], by_own, weight, defect)
+            beside[k] = -jacobian.ends_by_state[k].T * weight
+            diagonal[k + 1] += np.diag(weight)
+            border[k + 1] -= weight[:, None] * by_own
+            gradient[k + 1] -= weight * defect
         return NormalEquations(diagonal, beside, border, gradient, corner, corner_gradient)
 
     def minimise(self, at: Point, looseness: float, width: float, most: int, enough: float = 1e-3,
@@ -242,6 +260,7 @@ class Shooting:
         for _ in range(most):
             fresh = jacobian is None
             if jacobian is None:
+                at = self.rejoined(at, looseness, width) if self.is_coarse else at
                 jacobian = self.jacobian(at)
                 if self.is_coarse and not looseness:
                     self._leave_out(self.jumps(at, jacobian))
@@ -266,7 +285,8 @@ class Shooting:
         """Return a point with a lower misfit, None if none is found; by how much the derivatives said that the first
         step would lower it; and the damping to go on with. Only `fresh` derivatives, those of the point itself, tell
         what jumps, and are worth more than one step. A step that would win less than `little` tells nothing of jumps,
-        because it is spoilt by much smaller ones."""
+        because it is spoilt by much smaller ones. Where windows are many and short, a step that bends their joints is
+        corrected with the same derivatives first: only what they do not mend is a jump."""
         first = np.inf
         for _ in range(_TRIES if fresh else 1):
             misfit = self.misfit(at, looseness, width)  # of the windows that are not left out by now
@@ -277,6 +297,8 @@ class Shooting:
                 change = self._change(at, there, jacobian, looseness, width)
                 promised = self._prior_misfit(at) - self._prior_misfit(there) - float(change.sum())
                 first = promised if first == np.inf else first
+                if self.is_coarse and not looseness:
+                    there = self._corrected(there, jacobian, looseness, width, damping, misfit)
                 if self.misfit(there, looseness, width) < misfit:
                     return there, first, max(damping / _GROWTH, _LEAST_DAMPING)
                 if promised < little:
@@ -286,6 +308,20 @@ class Shooting:
             if fresh and not self._leave_out(jumped):
                 damping *= _GROWTH
         return None, first, damping
+
+    def _corrected(self, at: Point, jacobian: Jacobian, looseness: float, width: float, damping: float,
+                   enough: float) -> Point:
+        """Return the point after steps with derivatives of another point, while they lower the misfit that is not yet
+        below `enough`."""
+        for _ in range(_CORRECTIONS):
+            if self.misfit(at, looseness, width) < enough:
+                break
+            step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
+            there = step and self.point(at.parameters + step[0], at.states + step[1])
+            if not there or self.misfit(there, looseness, width) >= self.misfit(at, looseness, width):
+                break
+            at = there
+        return at
 
     def _step(self, at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the step of parameters and states that stays within the limits; None if there is none."""
@@ -311,8 +347,8 @@ class Shooting:
         change = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(state_step))
         defects = (at.defects + jacobian.ends[:-1] @ parameter_step
                    + np.einsum("kij,kj->ki", jacobian.ends_by_state[:-1], state_step[:-1]) - state_step[1:])
-        change[:-1] += np.where(self._joined, np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1),
-                                0.0)
+        squares = np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1)
+        change[:-1] += self.joints(at.defects, width)[1] * squares
         return change
 
     def _leave_out(self, jumped: np.ndarray) -> bool:
@@ -339,6 +375,34 @@ class Shooting:
             if better.any():
                 at = self.point(at.parameters, np.where(better[:, None], states, at.states)) or at
         return at
+
+    def rejoined(self, at: Point, looseness: float, width: float) -> Point:
+        """Return the point in which windows start where the one before ends, if that lowers the misfit: one that fits
+        its few samples in a motion with another blow is torn from it, and small steps do not lead back."""
+        def rho(defects: np.ndarray) -> np.ndarray:
+            return np.concatenate([[0.0], self.joints(defects, width)[0], [0.0]])
+
+        for _ in range(_REJOININGS):
+            torn = rho(at.defects)[:-1] > OUTLIER**2 * len(self.widths)
+            follow = np.where(torn[:, None], np.concatenate([at.states[:1], at.found.ends[:-1]]), at.states)
+            if not torn.any() or (there := self.point(at.parameters, follow)) is None:
+                break
+            before, after = rho(at.defects), rho(there.found.ends[:-1] - at.states[1:])
+            change = np.bincount(self.windows.window, self.losses(there, looseness)[0] - self.losses(at, looseness)[0],
+                                 len(torn)) + after[1:] - before[1:] - before[:-1]
+            better = torn & ~self.left_out & (change < -1.0)
+            for k in np.flatnonzero(better).tolist():
+                better[k] &= not better[k - 1]  # of two neighbours one stays, else neither joins
+            if not better.any():
+                break
+            at = self.mixed(at, there, better)
+        return at
+
+    def mixed(self, at: Point, other: Point, are_others: np.ndarray) -> Point:
+        """Return the point of which some windows, shape (windows,), are another's with the same parameters."""
+        return Point(at.parameters, np.where(are_others[:, None], other.states, at.states), Pass(
+            np.where(are_others[self.windows.window], other.found.residuals, at.found.residuals),
+            np.where(are_others[:, None], other.found.ends, at.found.ends)))
 
 
 @dataclass(frozen=True)
@@ -371,9 +435,9 @@ class NormalEquations:
         parameter_step = -cho_solve(cho_factor(schur), gradient)
         return parameter_step, (-offset - by_own @ parameter_step).reshape(self.gradient.shape)
 
-    def states_for(self, own: np.ndarray) -> np.ndarray:
+    def states_for(self, parameter_change: np.ndarray) -> np.ndarray:
         """Return the change of the states that follows a change of the parameters, shape (n, s)."""
-        return -(self._eliminated(0.0)[2] @ own).reshape(self.gradient.shape)
+        return -(self._eliminated(0.0)[2] @ parameter_change).reshape(self.gradient.shape)
 
     def held(self, direction: np.ndarray, weight: float, distance: float) -> "NormalEquations":
         """Return the equations with the parameters held along a direction, from which they are `distance` away."""

@@ -144,15 +144,6 @@ def chain(stretches: Sequence[Stretch], turns: float) -> np.ndarray:
     return np.concatenate([_chain(stretch, turns) for stretch in stretches])
 
 
-def merged(spans: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return spans of so many joined ones each, and the number of the first of each."""
-    joined = np.append(False, spans[1:, 0] == spans[:-1, 1])
-    place = np.arange(len(spans))
-    place -= np.maximum.accumulate(np.where(joined, 0, place))
-    first = np.flatnonzero(place % count == 0)
-    return np.column_stack([spans[first, 0], spans[np.append(first[1:], len(spans)) - 1, 1]]), first
-
-
 def _chain(stretch: Stretch, turns: float) -> np.ndarray:
     times, angle, rough, rests = stretch
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angle)))]) / (TURN * turns)
