@@ -257,7 +257,8 @@ def test_a_recording_with_pauses_is_fitted_as_a_whole_one(tmp_path):
     def noisy(field):
         return getattr(run, field) + deviation(field) * random.standard_normal(len(times))
 
-    bag = written(tmp_path / "bag", numbers("motor_speed", [(at, given["motor_speed"]) for at, given in commands]),
+    speeds = [(instant, given["motor_speed"]) for instant, given in commands]
+    bag = written(tmp_path / "bag", numbers("motor_speed", speeds),
                   joint_states(times, {"crank": [TICK * np.round(run.crank_angle / TICK)]}, "encoder"),
                   odometry(times, noisy("body_position"), noisy("body_velocity"), (2.5e-9, 1e-6)),
                   joint_states(times, {f"{side}_mass": [noisy(f"{side}_position"), noisy(f"{side}_velocity")]

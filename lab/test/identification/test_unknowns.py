@@ -28,8 +28,8 @@ def test_values_come_back_from_their_coordinates():
 def test_a_unit_of_a_coordinate_is_a_share_of_a_positive_parameter_and_a_length_or_an_angle_otherwise():
     scene = SCENE.with_parameters({"upper.gap": -0.001})
     unknowns = Unknowns.of(scene, ("mass.body", "upper.gap", "guide.angle"), {})
-    at = unknowns.coordinates(scene.parameters)
-    more = unknowns.values(at + [0.1, 0.1, 0.1])
+    coordinates = unknowns.coordinates(scene.parameters)
+    more = unknowns.values(coordinates + [0.1, 0.1, 0.1])
     assert more["mass.body"] == pytest.approx(scene["mass.body"] * math.exp(0.1))
     assert more["upper.gap"] == pytest.approx(-0.001 + 1e-4)
     assert more["guide.angle"] == pytest.approx(scene["guide.angle"] + 0.01)
@@ -38,11 +38,11 @@ def test_a_unit_of_a_coordinate_is_a_share_of_a_positive_parameter_and_a_length_
 def test_the_stiffness_of_a_plate_changes_its_damping_with_it_and_not_its_restitution():
     """The coordinate of the damping is the logarithm of c / sqrt(k), whatever the order of the names."""
     unknowns = Unknowns.of(SCENE, FREE, {})
-    at = unknowns.coordinates(SCENE.parameters)
-    stiffer = unknowns.values(at + 0.2 * np.eye(len(FREE))[FREE.index("upper.plate.stiffness")])
+    coordinates = unknowns.coordinates(SCENE.parameters)
+    stiffer = unknowns.values(coordinates + 0.2 * np.eye(len(FREE))[FREE.index("upper.plate.stiffness")])
     assert stiffer["upper.plate.stiffness"] == pytest.approx(SCENE["upper.plate.stiffness"] * math.exp(0.2))
     assert restitution_number(stiffer) == pytest.approx(restitution_number(SCENE.parameters))
-    damped = unknowns.values(at + 0.2 * np.eye(len(FREE))[FREE.index("upper.plate.damping")])
+    damped = unknowns.values(coordinates + 0.2 * np.eye(len(FREE))[FREE.index("upper.plate.damping")])
     assert damped["upper.plate.stiffness"] == pytest.approx(SCENE["upper.plate.stiffness"])
     assert restitution_number(damped) == pytest.approx(math.exp(0.2) * restitution_number(SCENE.parameters))
     assert plates_in(FREE) == [("upper.plate.stiffness", "upper.plate.damping")]
@@ -51,11 +51,11 @@ def test_the_stiffness_of_a_plate_changes_its_damping_with_it_and_not_its_restit
 
 def test_slopes_are_differences_of_values():
     unknowns = Unknowns.of(SCENE, FREE, {})
-    at, step = unknowns.coordinates(SCENE.parameters), 1e-6
+    coordinates, step = unknowns.coordinates(SCENE.parameters), 1e-6
     allowed = np.array([1e-8 * (SCENE[name] + 1e-3) for name in FREE])
     for k, row in enumerate(np.eye(len(FREE))):
-        up, down = (np.array([*unknowns.values(at + sign * step * row).values()]) for sign in (1.0, -1.0))
-        assert (np.abs(unknowns.slopes(at)[:, k] - (up - down) / (2.0 * step)) < allowed).all()
+        up, down = (np.array([*unknowns.values(coordinates + sign * step * row).values()]) for sign in (1.0, -1.0))
+        assert (np.abs(unknowns.slopes(coordinates)[:, k] - (up - down) / (2.0 * step)) < allowed).all()
 
 
 def test_beyond_its_range_a_value_is_the_end_of_the_range():

@@ -201,11 +201,11 @@ def _excited(unknowns: Unknowns, duration: float, sensors: Sensors, script: tupl
         return None
     values = {parameter: unknowns.scene[parameter] for parameter in unknowns.names}
     coordinates = unknowns.coordinates(values)
-    at = shooting.point(coordinates, np.column_stack([getattr(run, state) for state in states]))
-    if at is None:
+    point = shooting.point(coordinates, np.column_stack([getattr(run, state) for state in states]))
+    if point is None:
         return None
-    jacobian = _secants(shooting, at)
-    information = shooting.equations(at, jacobian, 0.0, TIGHT).information()
+    jacobian = _secants(shooting, point)
+    information = shooting.equations(point, jacobian, 0.0, TIGHT).information()
     covariance = np.linalg.inv(information + _BEFORE * np.eye(len(coordinates)))
     slopes = unknowns.slopes(coordinates)
     deviations = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
@@ -214,25 +214,26 @@ def _excited(unknowns: Unknowns, duration: float, sensors: Sensors, script: tupl
                       dict(zip(unknowns.names, (deviations / units).tolist(), strict=True)))
 
 
-def _secants(shooting: Shooting, at: Point) -> Jacobian:
+def _secants(shooting: Shooting, point: Point) -> Jacobian:
     """Return derivatives by differences about as large as what is to be told, without measurements that are not linear.
 
     In a chaotic motion, and where a small change brings a blow more, an infinitesimal difference would promise
     information that no fit can use. There the change by a step forwards is not the opposite of that by a step
     backwards. Such measurements are left out, and a window that ends so is not joined to the next.
     """
-    windows, parameters = shooting.windows, len(at.parameters)
+    windows, parameters = shooting.windows, len(point.parameters)
     linear, joined = np.ones(len(windows.channel), dtype=bool), np.ones(len(windows.spans), dtype=bool)
     residuals, ends = [], []
     for row in np.diag(np.concatenate([np.full(parameters, _STEP), _STATE_STEP * shooting.widths])):
         forward, backward = (
-            shooting.point(at.parameters + sign * row[:parameters], at.states + sign * row[parameters:])
+            shooting.point(point.parameters + sign * row[:parameters], point.states + sign * row[parameters:])
             for sign in (1.0, -1.0))
-        up, down = (forward.found, backward.found) if forward and backward else (
-            at.found, at.found)  # a limit: nothing is told
+        up, down = (forward.simulated, backward.simulated) if forward and backward else (
+            point.simulated, point.simulated)  # a limit: nothing is told
         change, end = up.residuals - down.residuals, up.ends - down.ends
-        linear &= np.abs(up.residuals + down.residuals - 2.0 * at.found.residuals) <= _BENT * np.abs(change) + 0.5
-        joined &= (np.abs(up.ends + down.ends - 2.0 * at.found.ends)
+        linear &= (np.abs(up.residuals + down.residuals - 2.0 * point.simulated.residuals)
+                   <= _BENT * np.abs(change) + 0.5)
+        joined &= (np.abs(up.ends + down.ends - 2.0 * point.simulated.ends)
                    <= _BENT * np.abs(end) + RESOLVED * shooting.widths).all(axis=1)
         residuals.append(change / (2.0 * row.sum()))
         ends.append(end / (2.0 * row.sum()))

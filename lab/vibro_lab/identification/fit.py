@@ -41,7 +41,7 @@ class Fit:
         The free parameters.
     shooting : Shooting
         The chain of windows.
-    at : Point
+    point : Point
         The best point; its parameters are the coordinates of `unknowns`, then those of `nuisances`.
     jacobian : Jacobian
         The derivatives there.
@@ -58,7 +58,7 @@ class Fit:
     unknowns: Unknowns
     nuisances: Nuisances
     shooting: Shooting
-    at: Point
+    point: Point
     jacobian: Jacobian
     passes: int
     white: Colours
@@ -69,7 +69,7 @@ class Fit:
     @property
     def coordinates(self) -> np.ndarray:
         """Coordinates of the free parameters."""
-        return self.at.parameters[:len(self.unknowns.each)]
+        return self.point.parameters[:len(self.unknowns.each)]
 
     @property
     def values(self) -> dict[str, float]:
@@ -79,21 +79,21 @@ class Fit:
     @property
     def start(self) -> Start:
         """The recording's start."""
-        return self.nuisances.start(self.at.parameters[len(self.unknowns.each):])
+        return self.nuisances.start(self.point.parameters[len(self.unknowns.each):])
 
     @property
     def misfit(self) -> float:
         """Twice the negative logarithm of the likelihood, but for a constant."""
-        return self.shooting.misfit(self.at, 0.0, self.shooting.tight)
+        return self.shooting.misfit(self.point, 0.0, self.shooting.tight)
 
     @property
     def mean_squares(self) -> np.ndarray:
         """Mean of the squared residuals of each window."""
-        return mean_squares(self.shooting, self.at)
+        return mean_squares(self.shooting, self.point)
 
     def information(self) -> np.ndarray:
         """Return Fisher's information of all parameters, the states unknown."""
-        return self.shooting.equations(self.at, self.jacobian, 0.0, self.shooting.tight).information()
+        return self.shooting.equations(self.point, self.jacobian, 0.0, self.shooting.tight).information()
 
 
 class Fitting:
@@ -148,11 +148,11 @@ class Fitting:
             far_apart = longer_reach(self.recording, self._names) > 1.0
             if not far_apart:
                 spans = spans[np.unique(np.linspace(0, len(spans) - 1, settings.most_windows).astype(int))]
-            spans, at = self._loosely(spans, parameters, "half turns",
+            spans, point = self._loosely(spans, parameters, "half turns",
                                       settings.coarse_loosenesses if coarse else settings.half_loosenesses, far_apart)
-            parameters = at.parameters
+            parameters = point.parameters
             if far_apart:  # measurements alone do not tell the states of longer windows
-                half_turns = spans, at.states
+                half_turns = spans, point.states
         return self.followed(parameters, half_turns)
 
     def followed(self, parameters: np.ndarray, half_turns: tuple[np.ndarray, np.ndarray] | None = None) -> Fit:
@@ -164,47 +164,47 @@ class Fitting:
         parameters = self._retimed(parameters)
         shooting = self._shooting(half_turns[0] if half_turns else chain(self.stretches, settings.chain))
         candidates = [*(half_turns[1:] if half_turns else ()), *self._candidates(shooting, parameters)]
-        at = self._begun(shooting, parameters, candidates)
+        point = self._begun(shooting, parameters, candidates)
         shooting.prior, shooting.is_coarse = self._prior(parameters), half_turns is not None
         if self._unseen:
-            at = self._begun_unseen(shooting, at)
+            point = self._begun_unseen(shooting, point)
         if shooting.is_coarse:  # half turns have fitted these windows at the first looseness
-            at = self._with_noise_of_residuals(shooting, at)
+            point = self._with_noise_of_residuals(shooting, point)
         for looseness in settings.chain_loosenesses[1:] if shooting.is_coarse else settings.chain_loosenesses[
                 -1:] if self._unseen else settings.chain_loosenesses:
-            at = self._tightened(shooting, at, looseness, looseness)
-            at = self._with_noise_of_residuals(shooting, at)
+            point = self._tightened(shooting, point, looseness, looseness)
+            point = self._with_noise_of_residuals(shooting, point)
         shooting.prior = self._prior(parameters, np.zeros(count))
-        at = at if shooting.is_coarse else self._repaired(shooting, at, 0.0)
+        point = point if shooting.is_coarse else self._repaired(shooting, point, 0.0)
         jumped = shooting.left_out & self._unseen  # such a window holds up the last, tight steps
         for later in reversed(range(settings.rounds_of_noise)):
             numbers = np.bincount(shooting.windows.window, ~shooting.windows.is_wild)
             most = np.maximum(settings.lost, 1.0 + settings.settled * np.sqrt(2.0 / np.maximum(numbers, 1)))
-            shooting.left_out = (mean_squares(shooting, at) > most) | jumped
+            shooting.left_out = (mean_squares(shooting, point) > most) | jumped
             if shooting.left_out.mean() > settings.most_lost:  # then it is the model that does not fit
                 shooting.left_out[:] = False
-            white, colours = shooting.windows.colours, self._recoloured(shooting, at)
-            at = shooting.point(at.parameters, at.states) or at
+            white, colours = shooting.windows.colours, self._recoloured(shooting, point)
+            point = shooting.point(point.parameters, point.states) or point
             self._say("all windows as one motion")
             is_last = not (shooting.is_coarse and later) or not white.differs_from(self.recording)
-            at = shooting.minimise(at, 0.0, shooting.tight, settings.steps,
+            point = shooting.minimise(point, 0.0, shooting.tight, settings.steps,
                                    settings.enough if is_last else settings.enough_of_chain)
             if not white.differs_from(self.recording):
                 break
-            at = self._with_noise_of_residuals(shooting, at)  # of a motion that is nearer
+            point = self._with_noise_of_residuals(shooting, point)  # of a motion that is nearer
         else:
-            white, colours = shooting.windows.colours, self._recoloured(shooting, at)
+            white, colours = shooting.windows.colours, self._recoloured(shooting, point)
             unstated = [channel.sigma_from in ("neighbours", AT_MOST) and self._jitters.get(channel.sensor, 0.0) > 0.0
                         for channel in self.recording.channels]
             white = white._replace(sigmas=np.where(unstated, colours.sigmas, white.sigmas))
-            at = shooting.point(at.parameters, at.states) or at
-        errors = self.nuisances.errors(at.parameters[count:])
+            point = shooting.point(point.parameters, point.states) or point
+        errors = self.nuisances.errors(point.parameters[count:])
         for sensor, offset in self._offsets.items():
             errors[sensor, "offset"] = errors.get((sensor, "offset"), 0.0) + offset
-        jacobian = shooting.jacobian(at)
+        jacobian = shooting.jacobian(point)
         if shooting.is_coarse:
-            shooting.left_out |= shooting.jumps(at, jacobian)
-        return Fit(self.unknowns, self.nuisances, shooting, at, jacobian, self._passes + shooting.passes, white,
+            shooting.left_out |= shooting.jumps(point, jacobian)
+        return Fit(self.unknowns, self.nuisances, shooting, point, jacobian, self._passes + shooting.passes, white,
                    colours, errors, self._jitters)
 
     def _of_state(self) -> list[Channel]:
@@ -263,33 +263,33 @@ class Fitting:
         shooting = self._shooting(spans)
         starts = shooting.windows.spans[:, 0]
         course = shooting.windows.course(*self._begin(parameters))
-        at = shooting.point(parameters, local_states(self.recording, self._names, starts, REACHES[0], course))
+        point = shooting.point(parameters, local_states(self.recording, self._names, starts, REACHES[0], course))
         mine = np.array([channel.sensor == sensor for channel in self.recording.channels])[shooting.windows.channel]
         self._retime({sensor: -offset})
         self._passes += shooting.passes
-        if at is None:
+        if point is None:
             return math.inf
-        window, losses = shooting.windows.window[mine], shooting.losses(at, 1.0)[0][mine]
+        window, losses = shooting.windows.window[mine], shooting.losses(point, 1.0)[0][mine]
         count = np.bincount(window)
         return float(np.median(np.bincount(window, losses)[count > 0] / count[count > 0]))
 
-    def _begun_unseen(self, shooting: Shooting, at: Point) -> Point:
+    def _begun_unseen(self, shooting: Shooting, point: Point) -> Point:
         """Return the point that fits the chain loosely, of masses that no sensor measures: again and again from the
         motion of the scene that was found, because windows in which a mass has lost its blows find none by themselves.
         """
         settings = self.settings
-        at = self._scouted(shooting, at)
+        point = self._scouted(shooting, point)
         for _ in range(settings.rounds):
-            shooting.prior = self._prior(at.parameters, np.full(len(self.unknowns.each), settings.unseen_weight))
+            shooting.prior = self._prior(point.parameters, np.full(len(self.unknowns.each), settings.unseen_weight))
             for looseness in settings.unseen_loosenesses:
-                at = self._tightened(shooting, at, looseness, settings.tied * looseness)
-            if float((mean_squares(shooting, at) > settings.lost).mean()) <= settings.few_lost:
+                point = self._tightened(shooting, point, looseness, settings.tied * looseness)
+            if float((mean_squares(shooting, point) > settings.lost).mean()) <= settings.few_lost:
                 break
-            states = self._candidates(shooting, at.parameters)[-1]
-            at = shooting.point(at.parameters, states) or at
-        return at
+            states = self._candidates(shooting, point.parameters)[-1]
+            point = shooting.point(point.parameters, states) or point
+        return point
 
-    def _scouted(self, shooting: Shooting, at: Point) -> Point:
+    def _scouted(self, shooting: Shooting, point: Point) -> Point:
         """Return the best of many points whose scene moves from its own start: with parameters drawn around the best so
         far, less and less far. A mass that strikes once a turn instead of twice is not led to the other motion by small
         steps."""
@@ -305,54 +305,54 @@ class Fitting:
                 course = shooting.windows.course(*self._begin(parameters))
             except (SimulationError, ValueError):
                 return math.inf, None
-            there = shooting.point(parameters, course)
-            return math.inf if there is None else shooting.windows.square_of_imu(there.found), there
+            trial = shooting.point(parameters, course)
+            return math.inf if trial is None else shooting.windows.square_of_imu(trial.simulated), trial
 
-        best, passes = scored(at.parameters)[0], shooting.passes
+        best, passes = scored(point.parameters)[0], shooting.passes
         for share in settings.scouts:
             draws = []
             for normal in random.standard_normal((settings.drawn, count)):
-                coordinates_of_each = unknowns.directions @ at.parameters[:count] + share * spread * normal
+                coordinates_of_each = unknowns.directions @ point.parameters[:count] + share * spread * normal
                 draws.append(np.append(np.linalg.solve(unknowns.directions, np.clip(coordinates_of_each, low, high)),
-                                       at.parameters[count:]))
+                                       point.parameters[count:]))
             for _, future in in_processes(scored, draws, self._workers):
-                square, there = future.result()
+                square, trial = future.result()
                 if square < settings.better * best:  # else the recording does not tell, and rounding would choose
-                    best, at = square, there
+                    best, point = square, trial
         shooting.passes = passes + settings.drawn * len(settings.scouts)  # whoever has made them
-        return at
+        return point
 
-    def _tightened(self, shooting: Shooting, at: Point, looseness: float, width: float) -> Point:
+    def _tightened(self, shooting: Shooting, point: Point, looseness: float, width: float) -> Point:
         """Return the point with all windows, at a looseness of the measurements and one of the defects."""
         settings = self.settings
-        self._say(f"{len(at.states)} windows of {settings.chain:g} turns, looseness {looseness:g}")
+        self._say(f"{len(point.states)} windows of {settings.chain:g} turns, looseness {looseness:g}")
         shooting.left_out[:] = False
         is_blurred = self._unseen and looseness >= settings.least_blurred
         shooting.windows.blur(settings.blur * looseness if is_blurred else 0.0)
-        at = shooting.point(at.parameters, at.states) or at
-        at = self._repaired(shooting, at, looseness)
-        return shooting.minimise(at, looseness, width, settings.steps, settings.enough_of_chain)
+        point = shooting.point(point.parameters, point.states) or point
+        point = self._repaired(shooting, point, looseness)
+        return shooting.minimise(point, looseness, width, settings.steps, settings.enough_of_chain)
 
-    def _with_noise_of_residuals(self, shooting: Shooting, at: Point) -> Point:
+    def _with_noise_of_residuals(self, shooting: Shooting, point: Point) -> Point:
         """Return the point weighed by the noise that its residuals show: its size, where neighbouring values told only
         a bound or where what the recording states is clearly another; the jitter of stamps; and outliers."""
         windows = shooting.windows
         windows.recolour()
-        plain = shooting.point(at.parameters, at.states) or at
+        plain = shooting.point(point.parameters, point.states) or point
         noises = residuals_in(shooting, plain)
         self.recording = windows.recording = replace(self.recording, channels=tuple(
             replace(channel, sigma=noise.sigma) if channel.sigma_from == AT_MOST else channel
             for channel, noise in zip(self.recording.channels, noises, strict=True)))
         windows.recolour()
-        plain = shooting.point(at.parameters, at.states) or at
+        plain = shooting.point(point.parameters, point.states) or point
         windows.recolour(self._colours(shooting, plain))
-        there = shooting.point(at.parameters, at.states) or at
+        trial = shooting.point(point.parameters, point.states) or point
         if windows.colours.jitters.any():  # what is small beside the jitter may be large beside the same message's rest
-            more = self._wild(shooting, there.found.residuals, np.ones(len(there.found.residuals)))
+            more = self._wild(shooting, trial.simulated.residuals, np.ones(len(trial.simulated.residuals)))
             if (more & ~windows.is_wild).any():
                 windows.recolour(windows.colours._replace(is_wild=windows.is_wild | more))
-                there = shooting.point(at.parameters, at.states) or at
-        return there
+                trial = shooting.point(point.parameters, point.states) or point
+        return trial
 
     def _wild(self, shooting: Shooting, residuals: np.ndarray, expected: np.ndarray) -> np.ndarray:
         """Return which measurements are outliers, the whole message if one number is; never one of an IMU, whose blows
@@ -365,7 +365,7 @@ class Fitting:
     def _colours(self, shooting: Shooting, plain: Point) -> Colours:
         """Return the noise that the residuals of a point show, which are those of white noise as stated."""
         windows, settings = shooting.windows, self.settings
-        channels, residuals = windows.recording.channels, plain.found.residuals
+        channels, residuals = windows.recording.channels, plain.simulated.residuals
         sizes, jitters, bent = np.ones(len(channels)), np.zeros(len(residuals)), np.zeros(len(residuals))
         if self._is_as_stated(shooting, plain):
             return windows.colours
@@ -431,12 +431,12 @@ class Fitting:
         windows, settings = shooting.windows, self.settings
         for number, noise in enumerate(residuals_in(shooting, plain)):
             excess = settings.settled * math.sqrt(6.0 / max(noise.number, 1))
-            largest = np.abs(plain.found.residuals[windows.channel == number]).max(initial=0.0)
+            largest = np.abs(plain.simulated.residuals[windows.channel == number]).max(initial=0.0)
             if not (abs(noise.mean_square - 1.0) < excess and largest < settings.wild):
                 return False
         return True
 
-    def _of_jitter(self, shooting: Shooting, at: Point) -> np.ndarray:
+    def _of_jitter(self, shooting: Shooting, point: Point) -> np.ndarray:
         """Return what the jitter of a stamp makes of each residual: by how much it grows with the lateness [1/s], what
         it deviates from that, in parts of the jitter [1/s], and by how much it is larger on the average, shape (3, n).
 
@@ -448,36 +448,37 @@ class Fitting:
         weights, changes = weights / weights.sum(), []
         for delay in (jitter * delays).tolist():
             windows.delay = delay
-            there = shooting.point(at.parameters, at.states) if delay else at
-            changes.append((there or at).found.residuals - at.found.residuals)
+            trial = shooting.point(point.parameters, point.states) if delay else point
+            changes.append((trial or point).simulated.residuals - point.simulated.residuals)
         windows.delay = 0.0
         mean, rates = weights @ changes, (weights * delays) @ changes / jitter
         rest = weights @ np.square(changes) - mean**2 - (jitter * rates)**2
         return np.array([rates, np.sqrt(np.maximum(rest, 0.0)) / jitter, mean / jitter**2])
 
-    def _repaired(self, shooting: Shooting, at: Point, looseness: float) -> Point:
-        candidates = self._candidates(shooting, at.parameters)
+    def _repaired(self, shooting: Shooting, point: Point, looseness: float) -> Point:
+        candidates = self._candidates(shooting, point.parameters)
         for _ in range(self.settings.repairs):  # each may mend the window after one that was mended
-            at, earlier_point = shooting.repaired(at, looseness, candidates), at
-            if at is earlier_point:
+            point, earlier_point = shooting.repaired(point, looseness, candidates), point
+            if point is earlier_point:
                 break
             candidates = []
-        return at
+        return point
 
-    def _drawn(self, shooting: Shooting, at: Point, looseness: float) -> np.ndarray:
+    def _drawn(self, shooting: Shooting, point: Point, looseness: float) -> np.ndarray:
         """Return states of which each part of the robot has, in each window, what fits its own measurements best: of
         what those around the window's start tell, and of draws."""
         settings, windows, random = self.settings, shooting.windows, np.random.default_rng(0)
-        near = [local_states(self.recording, self._names, windows.spans[:, 0], reach, at.states) for reach in REACHES]
+        near = [local_states(self.recording, self._names, windows.spans[:, 0], reach, point.states)
+                for reach in REACHES]
         spread = settings.drawn_widths * shooting.widths
-        draws = [at.states + spread * random.standard_normal(at.states.shape) for _ in range(settings.draws)]
+        draws = [point.states + spread * random.standard_normal(point.states.shape) for _ in range(settings.draws)]
         part_of = np.array([name.partition("_")[0] for name in self._names])
         seen = np.array([channel.field.partition("_")[0] for channel in windows.recording.channels])[windows.channel]
-        best, states = dict[str, np.ndarray](), at.states.copy()
-        for tried in (at.states, *near, *draws):
-            if (there := shooting.point(at.parameters, tried)) is None:
+        best, states = dict[str, np.ndarray](), point.states.copy()
+        for tried in (point.states, *near, *draws):
+            if (trial := shooting.point(point.parameters, tried)) is None:
                 continue
-            losses = shooting.losses(there, looseness)[0]
+            losses = shooting.losses(trial, looseness)[0]
             for part in np.unique(part_of):
                 loss = np.bincount(windows.window, np.where(seen == part, losses, 0.0), len(states))
                 better = loss < 0.9 * best.get(part, np.full(len(states), np.inf))
@@ -493,15 +494,15 @@ class Fitting:
         shooting, settings = self._shooting(spans), self.settings
         shooting.prior = self._prior(parameters)
         candidates = self._candidates(shooting, parameters)
-        at = self._begun(shooting, parameters, candidates)
+        point = self._begun(shooting, parameters, candidates)
         for looseness in loosenesses:
             self._say(f"{len(spans)} {what}, looseness {looseness:g}")
-            at = shooting.repaired(at, looseness, candidates)
+            point = shooting.repaired(point, looseness, candidates)
             if far_apart and looseness == loosenesses[0]:
-                at = shooting.repaired(at, looseness, [self._drawn(shooting, at, looseness)])
-            at = shooting.minimise(at, looseness, looseness, settings.steps, settings.enough_of_parts)
+                point = shooting.repaired(point, looseness, [self._drawn(shooting, point, looseness)])
+            point = shooting.minimise(point, looseness, looseness, settings.steps, settings.enough_of_parts)
         self._passes += shooting.passes
-        return shooting.windows.spans, at
+        return shooting.windows.spans, point
 
     def _shooting(self, spans: np.ndarray) -> Shooting:
         times = np.unique(np.concatenate([channel.times for channel in self.recording.channels]))
@@ -527,8 +528,8 @@ class Fitting:
 
     def _begun(self, shooting: Shooting, parameters: np.ndarray, candidates: list[np.ndarray]) -> Point:
         for states in candidates:
-            if (at := shooting.point(parameters, states)) is not None:
-                return at
+            if (point := shooting.point(parameters, states)) is not None:
+                return point
         raise ValueError(f"{self.unknowns.scene.name}: its robot cannot move as the recording begins; begin with "
                          "other values of the free parameters (--set), or give ranges")
 
@@ -593,14 +594,14 @@ class Fitting:
         expected[len(weights):] = np.where(nuisance_weights > 0.0, 0.0, parameters[len(weights):])
         return expected, np.concatenate([weights, nuisance_weights])
 
-    def _recoloured(self, shooting: Shooting, at: Point) -> Colours:
+    def _recoloured(self, shooting: Shooting, point: Point) -> Colours:
         """Take correlations and standard deviations of the noise from the residuals, where they differ clearly.
 
         Noise that the recording states is never taken as less, nor a negative correlation, as an encoder's steps have
         at a constant speed: intervals become wider by what is found here, and not narrower.
         """
         colours, sigmas, correlations = shooting.windows.colours, [], []
-        for sigma, correlation, number, mean_square in residuals_in(shooting, at):
+        for sigma, correlation, number, mean_square in residuals_in(shooting, point):
             excess = self.settings.settled * math.sqrt(2.0 / max(number, 1))
             sigmas.append(sigma * math.sqrt(mean_square) if mean_square > 1.0 + excess else sigma)
             clear = self.settings.settled / math.sqrt(max(number, 1))
@@ -610,10 +611,10 @@ class Fitting:
         return colours
 
 
-def mean_squares(shooting: Shooting, at: Point) -> np.ndarray:
+def mean_squares(shooting: Shooting, point: Point) -> np.ndarray:
     """Return the mean of the squared residuals of each window; 0 for a window without measurements."""
-    windows, count = shooting.windows, len(at.states)
-    squares = np.bincount(windows.window, at.found.residuals**2, count)
+    windows, count = shooting.windows, len(point.states)
+    squares = np.bincount(windows.window, point.simulated.residuals**2, count)
     return squares / np.maximum(np.bincount(windows.window, ~windows.is_wild, count), 1)
 
 
@@ -627,7 +628,7 @@ class Residual(NamedTuple):
     mean_square: float
 
 
-def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
+def residuals_in(shooting: Shooting, point: Point) -> list[Residual]:
     """Return the noise of each channel at a point that was computed with white noise as the recording states it.
 
     Noise that was estimated from neighbouring values, with the motion in them, is estimated again from neighbouring
@@ -637,7 +638,7 @@ def residuals_in(shooting: Shooting, at: Point) -> list[Residual]:
     for number, channel in enumerate(windows.recording.channels):
         mine = (windows.channel == number) & ~shooting.left_out[windows.window] & ~windows.is_wild
         sigma = float(windows.colours.sigmas[number])
-        residuals, window = at.found.residuals[mine], windows.window[mine]
+        residuals, window = point.simulated.residuals[mine], windows.window[mine]
         together = window[1:] == window[:-1]
         square = float(residuals @ residuals)
         correlation = float((residuals[1:] * residuals[:-1])[together].sum()) / square if square else 0.0

@@ -271,11 +271,11 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
     Examples
     --------
     >>> scene = vibro_ros.load_scene("damped").with_parameters({"ground.friction": 0.22})
-    >>> found = vibro_lab.identify("laboratory_bag", scene, free=["ground.friction"])
-    >>> low, high = found.intervals["ground.friction"]
-    >>> f"{found.values['ground.friction']:.3f}, 95 %: {low:.3f} to {high:.3f}"
+    >>> result = vibro_lab.identify("laboratory_bag", scene, free=["ground.friction"])
+    >>> low, high = result.intervals["ground.friction"]
+    >>> f"{result.values['ground.friction']:.3f}, 95 %: {low:.3f} to {high:.3f}"
     '0.200, 95 %: 0.200 to 0.200'
-    >>> found.verdict
+    >>> result.verdict
     'the model fits, p = ...'
     """
     check_scene(scene)
@@ -311,7 +311,7 @@ def identify(bag: str | Path, scene: Scene, free: Sequence[str],
                          for channel_noise in noises},
         alternatives=tuple(sorted(alternatives, key=lambda alternative: (alternative.p_value, -alternative.gain))),
         scene=unknowns.scene_of(fit.coordinates), given=unknowns.scene, windows=table, passes=fit.passes, said=said,
-        recording=recording, residuals=_by_channel(fit, fit.at.found.residuals),
+        recording=recording, residuals=_by_channel(fit, fit.point.simulated.residuals),
         simulated=_by_channel(fit, _simulated(fit)), profiles=profiles)
 
 
@@ -347,9 +347,9 @@ def _usable(recording: Recording) -> Recording:
 def _weighed(fit: Fit, colours: Colours) -> Point:
     """Return the best point with its residuals weighed by other noise."""
     fit.shooting.windows.recolour(colours)
-    at = fit.shooting.point(fit.at.parameters, fit.at.states) or fit.at
+    point = fit.shooting.point(fit.point.parameters, fit.point.states) or fit.point
     fit.shooting.windows.recolour(fit.colours)
-    return at
+    return point
 
 
 def _stated(fit: Fit) -> Colours:
@@ -366,7 +366,7 @@ def _judged(fit: Fit) -> tuple[list[Noise], Colours]:
     white, else the one that the recording states."""
     windows, shooting, stated = fit.shooting.windows, fit.shooting, _stated(fit)
     counts = ~shooting.left_out[windows.window] & ~windows.is_wild
-    left = _weighed(fit, fit.white).found.residuals
+    left = _weighed(fit, fit.white).simulated.residuals
     sigmas, parts, chances = stated.sigmas.copy(), [np.zeros_like(part) for part in fit.white[2:5]], []
     for number, channel in enumerate(windows.recording.channels):
         mine = windows.channel == number
@@ -380,9 +380,9 @@ def _judged(fit: Fit) -> tuple[list[Noise], Colours]:
                 part[mine] = white_part[mine]
     jitters = parts[0]
     judged = Colours(sigmas, stated.correlations, parts[0], parts[1], parts[2], fit.white.is_wild)
-    at = _weighed(fit, judged)
+    point = _weighed(fit, judged)
     windows.recolour(judged)
-    residuals = residuals_in(shooting, at)
+    residuals = residuals_in(shooting, point)
     windows.recolour(fit.colours)
     return [Noise(channel.sensor, channel.field, count, square, correlation,
                   channel.sigma_from not in ("neighbours", AT_MOST), channel.sigma, sigma / channel.sigma,
@@ -396,7 +396,7 @@ def _simulated(fit: Fit) -> np.ndarray:
     """Return the simulated value of each measurement."""
     windows = fit.shooting.windows
     plain = _stated(fit)._replace(is_wild=np.zeros_like(fit.white.is_wild))
-    residuals = _weighed(fit, plain).found.residuals
+    residuals = _weighed(fit, plain).simulated.residuals
     return windows.values - residuals * plain.sigmas[windows.channel]
 
 
@@ -470,11 +470,11 @@ def _alternative(name: str, fit: Fit, fitted: Callable[[Unknowns], Fit],
     # noise. Only where stamps are taken alike are the measurements of a window the same ones.
     fit.shooting.windows.recolour(best.colours if len(best.colours.jitters) == len(fit.colours.jitters) else
                                   fit.colours)
-    at = fit.shooting.point(fit.at.parameters, fit.at.states) or fit.at
-    at = fit.shooting.minimise(at, 0.0, fit.shooting.tight, 2)
+    point = fit.shooting.point(fit.point.parameters, fit.point.states) or fit.point
+    point = fit.shooting.minimise(point, 0.0, fit.shooting.tight, 2)
     either = fit.shooting.left_out | best.shooting.left_out
-    gain = float((fit.shooting.by_window(at, 0.0, fit.shooting.tight)
-                  - best.shooting.by_window(best.at, 0.0, fit.shooting.tight))[~either].sum())
+    gain = float((fit.shooting.by_window(point, 0.0, fit.shooting.tight)
+                  - best.shooting.by_window(best.point, 0.0, fit.shooting.tight))[~either].sum())
     fit.shooting.windows.recolour(fit.colours)
     chance = float(chi2.sf(gain, len(more))) if more else math.exp(-0.5 * max(gain, 0.0))
     return Alternative(name, gain, min(chance, 1.0), best.values, best.unknowns.scene_of(best.coordinates),

@@ -44,13 +44,13 @@ def intervals(fit: Fit, say: Callable[[str], None]) -> tuple[dict[str, tuple[flo
     """Return the 95 % interval of each parameter: values at which the misfit of the best point with that value is
     higher by the quantile of a chi square with one degree of freedom. And the profiles by which they were found:
     values in ascending order and the growth of the misfit there, shape (n, 2)."""
-    found_intervals, profiles, count = {}, {}, len(fit.at.parameters)
+    found_intervals, profiles, count = {}, {}, len(fit.point.parameters)
     covariance = covariance_of(fit)
     for k, unknown in enumerate(fit.unknowns.each):
         say(f"interval {k + 1} of {len(fit.unknowns.each)}: {unknown.name}")
         direction = np.zeros(count)
         direction[:len(fit.unknowns.each)] = fit.unknowns.directions[k]
-        best = float(direction @ fit.at.parameters)
+        best = float(direction @ fit.point.parameters)
         tried = [(0.0, 0.0)]
         low, high = (unknown.value(best + sign * _reach(fit, direction, covariance, sign, tried))
                      for sign in (-1.0, 1.0))
@@ -79,16 +79,16 @@ def _reach(fit: Fit, direction: np.ndarray, covariance: np.ndarray, sign: float,
 def held(fit: Fit, direction: np.ndarray, covariance: np.ndarray, shift: float) -> float:
     """Return the growth of the misfit where the coordinate along `direction` is held at `shift` from that of the fit,
     and all others are fitted again; infinity where there is no motion. Windows that jump on the way do not count."""
-    shooting, target = fit.shooting, float(direction @ fit.at.parameters) + shift
+    shooting, target = fit.shooting, float(direction @ fit.point.parameters) + shift
     along = covariance @ direction
     change = along * (shift / float(direction @ along))
-    equations = shooting.equations(fit.at, fit.jacobian, 0.0, shooting.tight)
-    at = shooting.point(fit.at.parameters + change, fit.at.states + equations.states_for(change))
-    if at is None:
+    equations = shooting.equations(fit.point, fit.jacobian, 0.0, shooting.tight)
+    point = shooting.point(fit.point.parameters + change, fit.point.states + equations.states_for(change))
+    if point is None:
         return math.inf
     within = shooting.with_limit(direction, target, target)
-    at = within.minimise(at, 0.0, shooting.tight, _JACOBIANS, 1e-6, fit.jacobian)
-    growth = within.misfit(at, 0.0, shooting.tight) - within.misfit(fit.at, 0.0, shooting.tight)
+    point = within.minimise(point, 0.0, shooting.tight, _JACOBIANS, 1e-6, fit.jacobian)
+    growth = within.misfit(point, 0.0, shooting.tight) - within.misfit(fit.point, 0.0, shooting.tight)
     shooting.passes += within.passes
     return growth
 
@@ -198,25 +198,26 @@ def suspicion(fit: Fit, trials: Mapping[str, Callable[[], tuple[Scene, float]]])
 
     `trials` returns for each effect a scene that has a little of it, and how much.
     """
-    shooting, windows, at = fit.shooting, fit.shooting.windows, fit.at
+    shooting, windows, point = fit.shooting, fit.shooting.windows, fit.point
     used = ~shooting.left_out[windows.window] & ~windows.is_wild
-    excess = float((at.found.residuals[used]**2).sum()) - used.sum()
+    excess = float((point.simulated.residuals[used]**2).sum()) - used.sum()
     shares: dict[str, float] = {}
     for name, trial in trials.items():
         scene, size = trial()
-        there = windows.simulate(scene, fit.start, at.states, fit.nuisances.errors(
-            at.parameters[len(fit.unknowns.each):]))
-        if there is not None:
-            shares[f"the effect {name}"] = _gain(fit, (there.residuals - at.found.residuals) / size,
-                                                 (there.ends - at.found.ends) / size) / max(excess, 1.0)
+        with_effect = windows.simulate(scene, fit.start, point.states, fit.nuisances.errors(
+            point.parameters[len(fit.unknowns.each):]))
+        if with_effect is not None:
+            shares[f"the effect {name}"] = _gain(fit, (with_effect.residuals - point.simulated.residuals) / size,
+                                                 (with_effect.ends - point.simulated.ends) / size) / max(excess, 1.0)
     windows.delay = _DELAY
-    late = shooting.point(at.parameters, at.states) or at
+    late = shooting.point(point.parameters, point.states) or point
     windows.delay = 0.0
-    rates, third = (late.found.residuals - at.found.residuals) / _DELAY, fit.shooting.windows.recording.duration / 3.0
+    rates = (late.simulated.residuals - point.simulated.residuals) / _DELAY
+    third = fit.shooting.windows.recording.duration / 3.0
     sensors = np.array([channel.sensor for channel in windows.recording.channels])[windows.channel]
     for sensor in np.unique(sensors):
         parts = [_gain(fit, np.where((sensors == sensor) & (windows.times // third == k), rates, 0.0),
-                       np.zeros_like(at.found.ends)) for k in range(3)]
+                       np.zeros_like(point.simulated.ends)) for k in range(3)]
         shares[f"another clock of {sensor}"] = max(parts) / max(excess, 1.0)
     shares = {name: min(share, 1.0) for name, share in shares.items()}  # a derivative that explains more is too long
     best = max(shares.values())
@@ -233,7 +234,7 @@ def _gain(fit: Fit, residuals: np.ndarray, ends: np.ndarray) -> float:
     """Return by how much the misfit falls along one more derivative of the residuals and of the windows' ends."""
     more = replace(fit.jacobian, residuals=np.column_stack([fit.jacobian.residuals, residuals]),
                    ends=np.concatenate([fit.jacobian.ends, ends[..., None]], axis=2))
-    at, shooting = replace(fit.at, parameters=np.append(fit.at.parameters, 0.0)), copy(fit.shooting)
+    point, shooting = replace(fit.point, parameters=np.append(fit.point.parameters, 0.0)), copy(fit.shooting)
     if shooting.prior is not None:
         shooting.prior = np.append(shooting.prior[0], 0.0), np.append(shooting.prior[1], 0.0)
-    return shooting.equations(at, more, 0.0, shooting.tight).gain_of_last()
+    return shooting.equations(point, more, 0.0, shooting.tight).gain_of_last()

@@ -52,8 +52,8 @@ def _differences(times: np.ndarray, values: np.ndarray, order: int) -> np.ndarra
     """Return magnitudes of the divided differences of an `order`, whose weights have the square sum 1."""
     first = np.arange(0, len(times) - order, math.ceil(len(times) / _MOST))  # a long recording has enough of them
     rows = first[:, None] + np.arange(order + 1)
-    at = times[rows] - times[rows[:, :1]]
-    distances = (at[:, :, None] - at[:, None, :]) / at[:, -1:, None]
+    elapsed = times[rows] - times[rows[:, :1]]
+    distances = (elapsed[:, :, None] - elapsed[:, None, :]) / elapsed[:, -1:, None]
     distances[:, range(order + 1), range(order + 1)] = 1.0
     weights = 1.0 / distances.prod(axis=2)
     return np.abs((weights * values[rows]).sum(axis=1)) / np.sqrt((weights**2).sum(axis=1))

@@ -410,10 +410,10 @@ def _check_turns(topic: str, channel: Channel, scene: Scene,
     run = simulate(scene, times=channel.times, commands=commands)
     turned = np.abs(np.diff(run.crank_angle))
     if (most := float(turned.max())) > _MOST_TURNED:
-        at = int(turned.argmax())
+        pause = np.diff(channel.times)[turned.argmax()]
         rate = math.ceil(float(np.abs(run.motor_speed).max()) / _MOST_TURNED)
         raise BagError(f"{topic}: crank_angle is within one turn, and the crank turns by {most:.3g} rad in "
-                       f"{channel.times[at + 1] - channel.times[at]:.3g} s between two samples, so that turns are not "
+                       f"{pause:.3g} s between two samples, so that turns are not "
                        f"known; record at {rate} Hz at least, without a pause while it turns, or count the angle on")
 
 

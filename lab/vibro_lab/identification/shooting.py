@@ -64,12 +64,12 @@ class Point:
 
     parameters: np.ndarray
     states: np.ndarray
-    found: Pass
+    simulated: Pass
 
     @property
     def defects(self) -> np.ndarray:
         """State at each window's end less that at the start of the next, shape (windows - 1, states)."""
-        return self.found.ends[:-1] - self.states[1:]
+        return self.simulated.ends[:-1] - self.states[1:]
 
 
 @dataclass(frozen=True)
@@ -144,45 +144,46 @@ class Shooting:
         simulated = self._simulate(parameters, states)
         return None if simulated is None else Point(parameters, states, simulated)
 
-    def jacobian(self, at: Point) -> Jacobian:
+    def jacobian(self, point: Point) -> Jacobian:
         """Return the derivatives at a point."""
-        count, steps = len(at.parameters), self.widths * _STATE_STEP
+        count, steps = len(point.parameters), self.widths * _STATE_STEP
         columns = [(_STEP * row, np.zeros(len(steps)), _STEP) for row in np.eye(count)]
         columns += [(np.zeros(count), step * row, step) for row, step in zip(np.eye(len(steps)), steps, strict=True)]
 
         def difference(column: tuple[np.ndarray, np.ndarray, float]) -> tuple[np.ndarray, np.ndarray]:
             parameters, states, step = column
             for sign in (1.0, -1.0):  # where one side is impossible, the other may not be
-                there = self._simulate(at.parameters + sign * parameters, at.states + sign * states)
-                if there is not None:
-                    return ((there.residuals - at.found.residuals) / (sign * step),
-                            (there.ends - at.found.ends) / (sign * step))
-            return np.zeros_like(at.found.residuals), np.zeros_like(at.found.ends)
+                trial = self._simulate(point.parameters + sign * parameters, point.states + sign * states)
+                if trial is not None:
+                    return ((trial.residuals - point.simulated.residuals) / (sign * step),
+                            (trial.ends - point.simulated.ends) / (sign * step))
+            return np.zeros_like(point.simulated.residuals), np.zeros_like(point.simulated.ends)
 
         self.passes += len(columns)
         differences = [future.result() for _, future in in_processes(difference, columns, self._workers)]
         residuals, ends = (np.stack(part, axis=-1) for part in zip(*differences, strict=True))
         return Jacobian(residuals[:, :count], residuals[:, count:], ends[..., :count], ends[..., count:])
 
-    def jumps(self, at: Point, jacobian: Jacobian) -> np.ndarray:
+    def jumps(self, point: Point, jacobian: Jacobian) -> np.ndarray:
         """Return which windows, shape (windows,), change otherwise than the derivatives say where the parameters go as
         little the other way: a jump within the difference would count as ten thousand times the information there is.
         """
-        step = np.full(len(at.parameters), -_STEP)
-        there = self.point(at.parameters + step, at.states)
-        if there is None:
-            return np.zeros(len(at.states), bool)
+        step = np.full(len(point.parameters), -_STEP)
+        trial = self.point(point.parameters + step, point.states)
+        if trial is None:
+            return np.zeros(len(point.states), bool)
 
-        change, promised = there.found.residuals - at.found.residuals, jacobian.residuals @ step
-        squares = [np.bincount(self.windows.window, part**2, len(at.states)) for part in (change - promised, promised)]
+        change, promised = trial.simulated.residuals - point.simulated.residuals, jacobian.residuals @ step
+        squares = [np.bincount(self.windows.window, part**2, len(point.states))
+                   for part in (change - promised, promised)]
         ends = jacobian.ends @ step / self.widths
-        beside = (there.found.ends - at.found.ends) / self.widths - ends
+        beside = (trial.simulated.ends - point.simulated.ends) / self.widths - ends
         return (squares[0] > _JUMP**2 * squares[1]) | (
             np.sum(beside**2, axis=1) > _JUMP**2 * np.sum(ends**2, axis=1))
 
-    def losses(self, at: Point, looseness: float) -> tuple[np.ndarray, np.ndarray]:
+    def losses(self, point: Point, looseness: float) -> tuple[np.ndarray, np.ndarray]:
         """Return rho of each residual, and the weight of its square in the Gauss-Newton equations."""
-        squares = at.found.residuals**2
+        squares = point.simulated.residuals**2
         if not looseness:
             return squares, np.ones(len(squares))
         shrunk = 1.0 / (1.0 + (looseness * self._blurs / self.windows.spreads)**2)
@@ -202,53 +203,54 @@ class Shooting:
         most = OUTLIER**2 * len(self.widths)
         return most * np.log1p(squares / most), self._joined / (1.0 + squares / most)
 
-    def by_window(self, at: Point, looseness: float, width: float) -> np.ndarray:
+    def by_window(self, point: Point, looseness: float, width: float) -> np.ndarray:
         """Return the misfit of each window and of its defect, shape (windows,); 0 for those that are left out."""
-        misfits = np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
-        misfits[:-1] += self.joints(at.defects, width)[0]
+        misfits = np.bincount(self.windows.window, self.losses(point, looseness)[0], len(point.states))
+        misfits[:-1] += self.joints(point.defects, width)[0]
         return np.where(self.left_out, 0.0, misfits)
 
-    def misfit(self, at: Point, looseness: float, width: float) -> float:
+    def misfit(self, point: Point, looseness: float, width: float) -> float:
         """Return what is minimised; `width` is the looseness of the defects."""
-        return float(self.by_window(at, looseness, width).sum()) + self._prior_misfit(at)
+        return float(self.by_window(point, looseness, width).sum()) + self._prior_misfit(point)
 
-    def _prior_misfit(self, at: Point) -> float:
-        return float(self.prior[1] @ (at.parameters - self.prior[0])**2) if self.prior else 0.0
+    def _prior_misfit(self, point: Point) -> float:
+        return float(self.prior[1] @ (point.parameters - self.prior[0])**2) if self.prior else 0.0
 
-    def equations(self, at: Point, jacobian: Jacobian, looseness: float, width: float) -> "NormalEquations":
+    def equations(self, point: Point, jacobian: Jacobian, looseness: float, width: float) -> "NormalEquations":
         """Return the normal equations at a point."""
-        (count, states), parameters = at.states.shape, len(at.parameters)
-        weights, tight = self.losses(at, looseness)[1], 1.0 / (width * self.widths)
+        (count, states), parameters = point.states.shape, len(point.parameters)
+        weights, tight = self.losses(point, looseness)[1], 1.0 / (width * self.widths)
         weights = np.where(self.left_out[self.windows.window], 0.0, weights)
         diagonal, beside = np.zeros((count, states, states)), np.zeros((count, states, states))
         border, gradient = np.zeros((count, states, parameters)), np.zeros((count, states))
         corner, corner_gradient = np.zeros((parameters, parameters)), np.zeros(parameters)
         if self.prior is not None:
             corner += np.diag(self.prior[1])
-            corner_gradient += self.prior[1] * (at.parameters - self.prior[0])
+            corner_gradient += self.prior[1] * (point.parameters - self.prior[0])
 
-        def add(k: int, by_state: np.ndarray, by_own: np.ndarray, weight: np.ndarray, residual: np.ndarray) -> None:
-            weighted, weighted_own = weight[:, None] * by_state, weight[:, None] * by_own
+        def add(k: int, by_state: np.ndarray, by_parameters: np.ndarray, weight: np.ndarray,
+                residual: np.ndarray) -> None:
+            weighted, weighted_by_parameters = weight[:, None] * by_state, weight[:, None] * by_parameters
             diagonal[k] += weighted.T @ by_state
-            border[k] += weighted.T @ by_own
+            border[k] += weighted.T @ by_parameters
             gradient[k] += weighted.T @ residual
-            corner[:] += weighted_own.T @ by_own
-            corner_gradient[:] += weighted_own.T @ residual
+            corner[:] += weighted_by_parameters.T @ by_parameters
+            corner_gradient[:] += weighted_by_parameters.T @ residual
 
         for k, part in enumerate(self.windows.slices):
             add(k, jacobian.residuals_by_state[part], jacobian.residuals[part], weights[part],
-                at.found.residuals[part])
-        joints = self.joints(at.defects, width)[1]
+                point.simulated.residuals[part])
+        joints = self.joints(point.defects, width)[1]
         for k in np.flatnonzero(joints).tolist():
-            defect, by_own, weight = at.defects[k], jacobian.ends[k], joints[k] * tight**2
-            add(k, jacobian.ends_by_state[k], by_own, weight, defect)
+            defect, by_parameters, weight = point.defects[k], jacobian.ends[k], joints[k] * tight**2
+            add(k, jacobian.ends_by_state[k], by_parameters, weight, defect)
             beside[k] = -jacobian.ends_by_state[k].T * weight
             diagonal[k + 1] += np.diag(weight)
-            border[k + 1] -= weight[:, None] * by_own
+            border[k + 1] -= weight[:, None] * by_parameters
             gradient[k + 1] -= weight * defect
         return NormalEquations(diagonal, beside, border, gradient, corner, corner_gradient)
 
-    def minimise(self, at: Point, looseness: float, width: float, most: int, enough: float = 1e-3,
+    def minimise(self, point: Point, looseness: float, width: float, most: int, enough: float = 1e-3,
                  jacobian: Jacobian | None = None) -> Point:
         """Return the point after Levenberg-Marquardt steps. Windows that jump are left out from then on.
 
@@ -260,27 +262,27 @@ class Shooting:
         for _ in range(most):
             fresh = jacobian is None
             if jacobian is None:
-                at = self.rejoined(at, looseness, width) if self.is_coarse else at
-                jacobian = self.jacobian(at)
+                point = self.rejoined(point, looseness, width) if self.is_coarse else point
+                jacobian = self.jacobian(point)
                 if self.is_coarse and not looseness:
-                    self._leave_out(self.jumps(at, jacobian))
-            earlier_misfit = self.misfit(at, looseness, width)
+                    self._leave_out(self.jumps(point, jacobian))
+            earlier_misfit = self.misfit(point, looseness, width)
             little = max(_LITTLE, enough * earlier_misfit)
             for chord in range(_CHORDS):
-                there, promised, damping = self._lower(at, jacobian, looseness, width, damping, fresh and not chord,
+                trial, promised, damping = self._lower(point, jacobian, looseness, width, damping, fresh and not chord,
                                                      little)
-                if there is None:
+                if trial is None:
                     break
-                won = self.misfit(at, looseness, width) - self.misfit(there, looseness, width)
-                at = there
+                won = self.misfit(point, looseness, width) - self.misfit(trial, looseness, width)
+                point = trial
                 if won < _HOLDS * promised or promised < little:
                     break
-            if promised < little or (fresh and earlier_misfit - self.misfit(at, looseness, width) < little):
+            if promised < little or (fresh and earlier_misfit - self.misfit(point, looseness, width) < little):
                 break
             jacobian = None
-        return at
+        return point
 
-    def _lower(self, at: Point, jacobian: Jacobian, looseness: float, width: float, damping: float, fresh: bool,
+    def _lower(self, point: Point, jacobian: Jacobian, looseness: float, width: float, damping: float, fresh: bool,
                little: float) -> tuple[Point | None, float, float]:
         """Return a point with a lower misfit, None if none is found; by how much the derivatives said that the first
         step would lower it; and the damping to go on with. Only `fresh` derivatives, those of the point itself, tell
@@ -289,66 +291,66 @@ class Shooting:
         corrected with the same derivatives first: only what they do not mend is a jump."""
         first = np.inf
         for _ in range(_TRIES if fresh else 1):
-            misfit = self.misfit(at, looseness, width)  # of the windows that are not left out by now
-            step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
-            there = step and self.point(at.parameters + step[0], at.states + step[1])
+            misfit = self.misfit(point, looseness, width)  # of the windows that are not left out by now
+            step = self._step(point, self.equations(point, jacobian, looseness, width), damping)
+            trial = step and self.point(point.parameters + step[0], point.states + step[1])
             jumped = np.zeros(len(self.left_out), bool)
-            if there:
-                change = self._change(at, there, jacobian, looseness, width)
-                promised = self._prior_misfit(at) - self._prior_misfit(there) - float(change.sum())
+            if trial:
+                change = self._change(point, trial, jacobian, looseness, width)
+                promised = self._prior_misfit(point) - self._prior_misfit(trial) - float(change.sum())
                 first = promised if first == np.inf else first
                 if self.is_coarse and not looseness:
-                    there = self._corrected(there, jacobian, looseness, width, damping, misfit)
-                if self.misfit(there, looseness, width) < misfit:
-                    return there, first, max(damping / _GROWTH, _LEAST_DAMPING)
+                    trial = self._corrected(trial, jacobian, looseness, width, damping, misfit)
+                if self.misfit(trial, looseness, width) < misfit:
+                    return trial, first, max(damping / _GROWTH, _LEAST_DAMPING)
                 if promised < little:
                     break
-                risen = self.by_window(there, looseness, width) - self.by_window(at, looseness, width)
+                risen = self.by_window(trial, looseness, width) - self.by_window(point, looseness, width)
                 jumped = (risen > 1.0) & (risen - change > _JUMP * max(promised, 1.0))
             if fresh and not self._leave_out(jumped):
                 damping *= _GROWTH
         return None, first, damping
 
-    def _corrected(self, at: Point, jacobian: Jacobian, looseness: float, width: float, damping: float,
+    def _corrected(self, point: Point, jacobian: Jacobian, looseness: float, width: float, damping: float,
                    enough: float) -> Point:
         """Return the point after steps with derivatives of another point, while they lower the misfit that is not yet
         below `enough`."""
         for _ in range(_CORRECTIONS):
-            if self.misfit(at, looseness, width) < enough:
+            if self.misfit(point, looseness, width) < enough:
                 break
-            step = self._step(at, self.equations(at, jacobian, looseness, width), damping)
-            there = step and self.point(at.parameters + step[0], at.states + step[1])
-            if not there or self.misfit(there, looseness, width) >= self.misfit(at, looseness, width):
+            step = self._step(point, self.equations(point, jacobian, looseness, width), damping)
+            trial = step and self.point(point.parameters + step[0], point.states + step[1])
+            if not trial or self.misfit(trial, looseness, width) >= self.misfit(point, looseness, width):
                 break
-            at = there
-        return at
+            point = trial
+        return point
 
-    def _step(self, at: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
+    def _step(self, point: Point, equations: "NormalEquations", damping: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the step of parameters and states that stays within the limits; None if there is none."""
         try:
             parameter_step, state_step = equations.step(damping)
             for direction, low, high in self.limits:
-                now, there = float(direction @ at.parameters), float(direction @ (at.parameters + parameter_step))
-                if not low <= there <= high:  # the others must not move as if this one went beyond
+                now, trial = float(direction @ point.parameters), float(direction @ (point.parameters + parameter_step))
+                if not low <= trial <= high:  # the others must not move as if this one went beyond
                     weight = _HELD * max(float(np.diag(equations.corner).max()), 1.0)
-                    equations = equations.held(direction, weight, now - min(max(there, low), high))
+                    equations = equations.held(direction, weight, now - min(max(trial, low), high))
                     parameter_step, state_step = equations.step(damping)
         except LinAlgError:
             return None
         shrink = min(1.0, _LONGEST / max(np.abs(parameter_step).max(), 1e-300))
         return shrink * parameter_step, shrink * state_step
 
-    def _change(self, at: Point, there: Point, jacobian: Jacobian, looseness: float, width: float) -> np.ndarray:
+    def _change(self, point: Point, trial: Point, jacobian: Jacobian, looseness: float, width: float) -> np.ndarray:
         """Return the change of each window's misfit that the derivatives say, shape (windows,)."""
-        parameter_step, state_step = there.parameters - at.parameters, there.states - at.states
-        weights = np.where(self.left_out[self.windows.window], 0.0, self.losses(at, looseness)[1])
-        linear = (at.found.residuals + jacobian.residuals @ parameter_step
+        parameter_step, state_step = trial.parameters - point.parameters, trial.states - point.states
+        weights = np.where(self.left_out[self.windows.window], 0.0, self.losses(point, looseness)[1])
+        linear = (point.simulated.residuals + jacobian.residuals @ parameter_step
                   + np.sum(jacobian.residuals_by_state * state_step[self.windows.window], axis=1))
-        change = np.bincount(self.windows.window, weights * (linear**2 - at.found.residuals**2), len(state_step))
-        defects = (at.defects + jacobian.ends[:-1] @ parameter_step
+        change = np.bincount(self.windows.window, weights * (linear**2 - point.simulated.residuals**2), len(state_step))
+        defects = (point.defects + jacobian.ends[:-1] @ parameter_step
                    + np.einsum("kij,kj->ki", jacobian.ends_by_state[:-1], state_step[:-1]) - state_step[1:])
-        squares = np.sum((defects**2 - at.defects**2) / (width * self.widths)**2, axis=1)
-        change[:-1] += self.joints(at.defects, width)[1] * squares
+        squares = np.sum((defects**2 - point.defects**2) / (width * self.widths)**2, axis=1)
+        change[:-1] += self.joints(point.defects, width)[1] * squares
         return change
 
     def _leave_out(self, jumped: np.ndarray) -> bool:
@@ -359,50 +361,51 @@ class Shooting:
         self.left_out |= jumped
         return True
 
-    def repaired(self, at: Point, looseness: float, others: Sequence[np.ndarray]) -> Point:
+    def repaired(self, point: Point, looseness: float, others: Sequence[np.ndarray]) -> Point:
         """Return the point in which each window starts from the state with which it fits best: its own, the end of the
         window before, or that of `others`, each of shape (windows, states)."""
-        def by_window(at: Point) -> np.ndarray:
-            return np.bincount(self.windows.window, self.losses(at, looseness)[0], len(at.states))
+        def by_window(point: Point) -> np.ndarray:
+            return np.bincount(self.windows.window, self.losses(point, looseness)[0], len(point.states))
 
-        follow = at.states.copy()
-        follow[1:] = np.where(self.windows.joined[:, None], at.found.ends[:-1], follow[1:])
+        follow = point.states.copy()
+        follow[1:] = np.where(self.windows.joined[:, None], point.simulated.ends[:-1], follow[1:])
         for states in (follow, *others):
-            there = self.point(at.parameters, states)
-            if there is None:
+            trial = self.point(point.parameters, states)
+            if trial is None:
                 continue
-            better = by_window(there) < 0.9 * by_window(at)
+            better = by_window(trial) < 0.9 * by_window(point)
             if better.any():
-                at = self.point(at.parameters, np.where(better[:, None], states, at.states)) or at
-        return at
+                point = self.point(point.parameters, np.where(better[:, None], states, point.states)) or point
+        return point
 
-    def rejoined(self, at: Point, looseness: float, width: float) -> Point:
+    def rejoined(self, point: Point, looseness: float, width: float) -> Point:
         """Return the point in which windows start where the one before ends, if that lowers the misfit: one that fits
         its few samples in a motion with another blow is torn from it, and small steps do not lead back."""
         def rho(defects: np.ndarray) -> np.ndarray:
             return np.concatenate([[0.0], self.joints(defects, width)[0], [0.0]])
 
         for _ in range(_REJOININGS):
-            torn = rho(at.defects)[:-1] > OUTLIER**2 * len(self.widths)
-            follow = np.where(torn[:, None], np.concatenate([at.states[:1], at.found.ends[:-1]]), at.states)
-            if not torn.any() or (there := self.point(at.parameters, follow)) is None:
+            torn = rho(point.defects)[:-1] > OUTLIER**2 * len(self.widths)
+            ends_before = np.concatenate([point.states[:1], point.simulated.ends[:-1]])
+            follow = np.where(torn[:, None], ends_before, point.states)
+            if not torn.any() or (trial := self.point(point.parameters, follow)) is None:
                 break
-            before, after = rho(at.defects), rho(there.found.ends[:-1] - at.states[1:])
-            change = np.bincount(self.windows.window, self.losses(there, looseness)[0] - self.losses(at, looseness)[0],
-                                 len(torn)) + after[1:] - before[1:] - before[:-1]
+            before, after = rho(point.defects), rho(trial.simulated.ends[:-1] - point.states[1:])
+            losses = self.losses(trial, looseness)[0] - self.losses(point, looseness)[0]
+            change = np.bincount(self.windows.window, losses, len(torn)) + after[1:] - before[1:] - before[:-1]
             better = torn & ~self.left_out & (change < -1.0)
             for k in np.flatnonzero(better).tolist():
                 better[k] &= not better[k - 1]  # of two neighbours one stays, else neither joins
             if not better.any():
                 break
-            at = self.mixed(at, there, better)
-        return at
+            point = self.mixed(point, trial, better)
+        return point
 
-    def mixed(self, at: Point, other: Point, are_others: np.ndarray) -> Point:
+    def mixed(self, point: Point, other: Point, are_others: np.ndarray) -> Point:
         """Return the point of which some windows, shape (windows,), are another's with the same parameters."""
-        return Point(at.parameters, np.where(are_others[:, None], other.states, at.states), Pass(
-            np.where(are_others[self.windows.window], other.found.residuals, at.found.residuals),
-            np.where(are_others[:, None], other.found.ends, at.found.ends)))
+        return Point(point.parameters, np.where(are_others[:, None], other.states, point.states), Pass(
+            np.where(are_others[self.windows.window], other.simulated.residuals, point.simulated.residuals),
+            np.where(are_others[:, None], other.simulated.ends, point.simulated.ends)))
 
 
 @dataclass(frozen=True)
@@ -431,9 +434,9 @@ class NormalEquations:
     def step(self, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return the step of parameters and states; `damping` is the share by which the diagonal grows (LinAlgError:
         if the equations are singular)."""
-        schur, gradient, by_own, offset = self._eliminated(damping)
+        schur, gradient, by_parameters, offset = self._eliminated(damping)
         parameter_step = -cho_solve(cho_factor(schur), gradient)
-        return parameter_step, (-offset - by_own @ parameter_step).reshape(self.gradient.shape)
+        return parameter_step, (-offset - by_parameters @ parameter_step).reshape(self.gradient.shape)
 
     def states_for(self, parameter_change: np.ndarray) -> np.ndarray:
         """Return the change of the states that follows a change of the parameters, shape (n, s)."""

@@ -147,11 +147,11 @@ def chain(stretches: Sequence[Stretch], turns: float) -> np.ndarray:
 def _chain(stretch: Stretch, turns: float) -> np.ndarray:
     times, angle, rough, rests = stretch
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angle)))]) / (TURN * turns)
-    at = 0 if rests else int(np.argmin(rough[:max(1, np.searchsorted(turned, 0.5))]))
-    edges = [times[at]]
-    while turned[-1] - turned[at] > _FAR:
-        first, end = np.searchsorted(turned, (turned[at] + _NEAR, turned[at] + _FAR))
-        at = int(first + np.argmin(rough[first:max(end, first + 1)]))
-        edges.append(times[at])
+    calmest = 0 if rests else int(np.argmin(rough[:max(1, np.searchsorted(turned, 0.5))]))
+    edges = [times[calmest]]
+    while turned[-1] - turned[calmest] > _FAR:
+        first, end = np.searchsorted(turned, (turned[calmest] + _NEAR, turned[calmest] + _FAR))
+        calmest = int(first + np.argmin(rough[first:max(end, first + 1)]))
+        edges.append(times[calmest])
     edges.append(np.nextafter(times[-1], np.inf))
     return np.column_stack([edges[:-1], edges[1:]])

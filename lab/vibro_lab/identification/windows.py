@@ -264,9 +264,9 @@ class Windows:
             states[k] = device.values[self._states]
         return states
 
-    def square_of_imu(self, found: Pass) -> float:
+    def square_of_imu(self, simulated: Pass) -> float:
         """Return the sum of the squared residuals of an IMU, or of all channels if there is none."""
-        residuals = found.residuals[self._of_imu] if self._bandwidth else found.residuals
+        residuals = simulated.residuals[self._of_imu] if self._bandwidth else simulated.residuals
         return float(residuals @ residuals)
 
     def _blurred(self, residuals: np.ndarray) -> np.ndarray:

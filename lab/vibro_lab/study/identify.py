@@ -130,19 +130,19 @@ def _words_of(best: Excitation, others: Sequence[Excitation]) -> Iterator[str]:
             f", {untold} cannot be told" if untold else "")
 
 
-def numbers_of(found: Identification) -> bytes:
+def numbers_of(result: Identification) -> bytes:
     """Return the numbers of an identification as JSON."""
     document = {
-        "values": found.values, "intervals": found.intervals, "covariance": found.covariance.tolist(),
-        "rank": found.rank, "chi_square": found.chi_square, "p_value": found.p_value,
-        "autocorrelation": found.autocorrelation, "verdict": found.verdict, "said": found.said,
-        "passes": found.passes, "sensors": found.sensors,
-        "outliers": {name: rows.tolist() for name, rows in found.outliers.items()},
-        "profiles": {name: points.tolist() for name, points in found.profiles.items()},
-        "windows": [dict(zip(WINDOW.names or (), row.tolist(), strict=True)) for row in found.windows],
+        "values": result.values, "intervals": result.intervals, "covariance": result.covariance.tolist(),
+        "rank": result.rank, "chi_square": result.chi_square, "p_value": result.p_value,
+        "autocorrelation": result.autocorrelation, "verdict": result.verdict, "said": result.said,
+        "passes": result.passes, "sensors": result.sensors,
+        "outliers": {name: rows.tolist() for name, rows in result.outliers.items()},
+        "profiles": {name: points.tolist() for name, points in result.profiles.items()},
+        "windows": [dict(zip(WINDOW.names or (), row.tolist(), strict=True)) for row in result.windows],
         "alternatives": [{"effect": alternative.effect, "gain": alternative.gain, "p_value": alternative.p_value,
                           "values": alternative.values, "mean_square": alternative.mean_square}
-                         for alternative in found.alternatives]}
+                         for alternative in result.alternatives]}
     return (json.dumps(document, indent=1) + "\n").encode()
 
 
