@@ -96,8 +96,9 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     flow_equations = [acceleration[:, :channels.coordinates if scene["effects.reaction"] else channels.dynamic]]
     if builder.motor:
         flow_equations.append(builder.algebraic_current()[:, None])
-    if forms.friction_decays:  # where the decaying term moves the body, the term is part of the flow
-        rate, factor = _decaying_term(builder)
+    decaying_term = _decaying_term(builder) if forms.friction_decays else None
+    if decaying_term:  # where the decaying term moves the body, the term is part of the flow
+        rate, factor = decaying_term
         slips = (rate != 0.0)[:, None]
         flow_equations += [factor[:, None], np.where(slips, acceleration[:, forms.body], 0.0)[:, None]]
     flow = flow_numbers(np.concatenate(flow_equations, axis=1))
@@ -120,7 +121,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         mode_after_ramp_change=mode_set.mode_after_ramp_change,
         accounts=account_table(builder, scene, guards),
         signals=signal_table(sliders),
-        decay=_decay_table(builder),
+        decay=_decay_table(builder, decaying_term),
         rotor=_rotor(builder, scene, sliders),
         shock=shock,
     )
@@ -149,12 +150,12 @@ def _decaying_term(builder: ModeBuilder) -> tuple[np.ndarray, np.ndarray]:
     return rate, (rate != 0.0)[:, None] * builder.normal_force() + 0.0
 
 
-def _decay_table(builder: ModeBuilder) -> Decay:
+def _decay_table(builder: ModeBuilder, decaying_term: tuple[np.ndarray, np.ndarray] | None) -> Decay:
     """Return the table of the decaying friction; empty if no friction decays."""
     forms, count = builder.forms, builder.forms.channels.count
-    if not forms.friction_decays:
+    if decaying_term is None:
         return Decay(np.empty(0, np.int64), np.empty((0, count)), np.empty((0, count), np.int64), np.empty(0))
-    rate, factor = _decaying_term(builder)
+    rate, factor = decaying_term
     return Decay(np.array([forms.body], np.int64), *builder.mode_set.with_terms(factor), rate[builder.mode_set.stance])
 
 
