@@ -22,7 +22,7 @@ def features(measurements):
                       if measurement.sensor == "imu"])
     crank = np.mean([measurement.values[1] for measurement in measurements if measurement.sensor == "encoder"])
     values = np.array([1.0, *np.concatenate([[crank], force.mean(axis=0), force.std(axis=0),
-                                           (abs(force) > LIMIT).mean(axis=0)]) / _UNITS])
+                                             (abs(force) > LIMIT).mean(axis=0)]) / _UNITS])
     return np.outer(values, values)[np.triu_indices(len(values))]
 
 

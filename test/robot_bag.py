@@ -80,7 +80,7 @@ def edit_each(changed: Callable[[Message], Message | None]) -> Callable[[list[Me
 
 
 def edit_topic(topic: str, change: Callable[[object], None],
-            when: Callable[[int], bool] = lambda stamp: True) -> Callable[[list[Message]], list[Message]]:
+               when: Callable[[int], bool] = lambda stamp: True) -> Callable[[list[Message]], list[Message]]:
     """Return a change of the messages of a topic that were recorded at given stamps [ns]."""
     def of(message: Message) -> Message:
         name, stamp, data = message

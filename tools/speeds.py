@@ -197,7 +197,7 @@ def with_machines_motor(scene: Scene) -> Scene:
     """A robot with the motor of `machine`, at the same motor speed."""
     motor = {name: value for name, value in load_scene("machine").parameters.items()
              if name == "effects.motor" or (name.startswith("motor.") and name not in ("motor.speed",
-                                                                                        "motor.max_speed"))}
+                                                                                       "motor.max_speed"))}
     return scene.with_parameters(motor)
 
 

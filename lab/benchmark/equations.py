@@ -61,10 +61,10 @@ def machine(problem: ReferenceProblem, slow: float = 0.0) -> ProblemNumbers:
     """
     values = problem.parameters
     absent = {name: 0.0 for mass, names in (("m2", ("k2", "k4")), ("m3", ("k3", "k1")))
-            if not values[mass] for name in (*names, "c2" if mass == "m2" else "c3")}
+              if not values[mass] for name in (*names, "c2" if mass == "m2" else "c3")}
     return ProblemNumbers(
         **{name: values[name] for name in ("m2", "k2", "c2", "k4", "c4", "L2", "m3", "k3", "c3", "k1", "c1", "L3",
-                                          "omega", "g", "mu", "adhesion")} | absent,
+                                           "omega", "g", "mu", "adhesion")} | absent,
         radius=values["l"],
         plate2=values["L2"] + values["gap2"] if values["m2"] and values["k4"] else math.inf,
         plate3=values["L3"] + values["gap3"] if values["m3"] and values["k1"] else math.inf,

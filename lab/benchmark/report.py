@@ -202,7 +202,7 @@ def heyoka_sentence(scenes: Mapping[str, Sequence[Row]]) -> str:
         requirement = Requirement("", horizon, "position_error", EXACT_TOLERANCE)
         able = {name: cheapest(rows, requirement) for name, rows in scenes.items()}
         ratios = {name: rows["heyoka"].wall_time / rows["exact"].wall_time for name, rows in able.items()
-                if {"heyoka", "exact"} <= rows.keys()}
+                  if {"heyoka", "exact"} <= rows.keys()}
         cheaper = {name: ratio for name, ratio in ratios.items() if ratio < 1.0}
         where = ", ".join(f"`{name}`, in {two_digits(ratio)} of the time" for name, ratio in sorted(cheaper.items()))
         parts.append(f"over {horizon:g} s on {len(cheaper) or 'none'} of {len(ratios)} scenes"

@@ -97,7 +97,7 @@ def test_a_hostile_bag_is_read_or_refused(tmp_path, bags, run, storage, name, ma
     for data in originals:  # cut bytes are kept beside the file
         common = max(_common(data, file) for file in files)
         assert common == len(data) or any(file.startswith(data[common:]) or data[:common + len(file)].endswith(file)
-                                        and common + len(file) >= len(data) for file in files) or any(
+                                          and common + len(file) >= len(data) for file in files) or any(
             data.endswith(file) and _common(data, other) >= len(data) - len(file) for file in files for other in files)
 
 

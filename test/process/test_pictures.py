@@ -50,7 +50,7 @@ def plain(known_run, tmp_path_factory):  # noqa: F811
     (STYLE.encode(), {}), (b"\xff\xfe is not UTF-8", {"MPLBACKEND": "module://matplotlib_inline.backend_inline"})],
     ids=["style", "refused"])
 def test_settings_of_the_user_change_no_byte_of_a_picture(known_run, plain, tmp_path, settings,  # noqa: F811
-                                                             environment):
+                                                          environment):
     """Before all other files, matplotlib reads `matplotlibrc` of the working directory."""
     (tmp_path / "matplotlibrc").write_bytes(settings)
     assert drawn(known_run(), tmp_path, **environment) == plain

@@ -339,7 +339,7 @@ def test_a_node_with_the_robots_name_that_is_no_robot_is_not_shown(start, bench,
     page = visit(view)
     bench.node.create_publisher(Float64MultiArray, "bench/samples", 10)
     bench.spin_until(lambda: page.last("absent").get("words", "").startswith("/bench cannot be shown: it answers 0 "
-                                                                              "values"), "the words")
+                                                                             "values"), "the words")
     stop(view)
 
 

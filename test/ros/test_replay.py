@@ -147,7 +147,7 @@ def delay_last_message(messages: list) -> list:
 
 CHANGES = {  # a change, how many messages the bag says were dropped, the exit code, and what is said
     "lowest bit": (flip_bit(0), 0, 1, ["first difference: /joint_states message 333 at 1.665 s (stamp ", "(1 ulp)",
-                                      "position[4] (inclined_plate): recorded "]),
+                                       "position[4] (inclined_plate): recorded "]),
     "sign": (flip_bit(63), 0, 1, ["/joint_states message 333 at 1.665 s", "position[4] (inclined_plate): recorded "]),
     "stamp": (delay_last_message, 0, 1, ["recorded stamp: recorded "]),
     "dropped": (repeat_message("/odom", 100, 0), 1, 0, ["not recorded: 1 messages"]),
@@ -230,7 +230,7 @@ def actions_on(bench, chance: random.Random) -> list:
         name, of, values = chance.choice(FAULTS)
         span = {"from_x": -0.01, "to_x": 0.01} if name == "friction_patch" else {}
         return fault.call_async(types.InjectFault.Request(fault=name, of=of, value=chance.uniform(*values),
-                                                        duration=chance.uniform(0.01, 0.5), **span))
+                                                          duration=chance.uniform(0.01, 0.5), **span))
 
     return [
         command, command, command, change, change, change, fail,
@@ -240,7 +240,7 @@ def actions_on(bench, chance: random.Random) -> list:
         lambda: pause.call_async(SetBool.Request(data=chance.random() < 0.3)),
         lambda: state.call_async(types.SetState.Request(names=["body_velocity"], values=[chance.uniform(-0.1, 0.1)])),
         lambda: push.call_async(types.Push.Request(duration=chance.uniform(0.001, 0.3),
-                                                 force_x=chance.uniform(-3.0, 3.0)))]
+                                                   force_x=chance.uniform(-3.0, 3.0)))]
 
 
 def record_at_random(start, bench, folder: Path, seed: int, seconds: float) -> tuple[list[Path], Counter]:

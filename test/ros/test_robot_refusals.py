@@ -82,7 +82,7 @@ def test_a_robot_that_cannot_be_secured_does_not_start(start, tmp_path):
 
 def test_warnings_of_the_middleware_are_lines_of_the_log(start):
     started = start("robot", wrapper=["env", "FASTRTPS_DEFAULT_PROFILES_FILE=none.xml",
-                                     "RMW_FASTRTPS_PUBLICATION_MODE=pigeons"])
+                                      "RMW_FASTRTPS_PUBLICATION_MODE=pigeons"])
     started.wait_for("ready")
     lines = [line.partition("[vibro_robot]: the middleware says: ")[2] for line in started.lines if "[WARN]" in line]
     assert [line for line in lines if line.startswith("Value pigeons unknown for")]

@@ -94,7 +94,7 @@ def test_reduced_runs_are_what_the_function_returns_of_each(workers):
     """A lambda can reach another process only by a fork."""
     scenes, weight = list(sweep(7)), 3.0
     reduced = list(vibro_ros.simulate_many(scenes, **SHORT, workers=workers,
-                                         reduce=lambda run: weight * run.body_position[-1]))
+                                           reduce=lambda run: weight * run.body_position[-1]))
     assert reduced == [weight * vibro_ros.simulate(scene, **SHORT).body_position[-1] for scene in scenes]
 
 

@@ -89,7 +89,7 @@ def test_a_reset_begins_another_motion(tmp_path):
 
 def test_changed_parameters_a_command_timeout_and_refused_commands_are_exact(tmp_path):
     inputs = {0: {"motor_speed": 90.0}, 60: 'set {"ground.friction": 0.05, "motor.acceleration": 50.0}',
-            80: {"motor_speed": 130.0}, 120: {"motor_speed": 1e9}, 150: "timeout", 160: "pause", 170: "nonsense"}
+              80: {"motor_speed": 130.0}, 120: {"motor_speed": 1e9}, 150: "timeout", 160: "pause", 170: "nonsense"}
     motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, inputs, RATE))
     assert motion.header["exact"]
     assert_is_run(motion, run_with(
@@ -101,12 +101,12 @@ def test_changed_parameters_a_command_timeout_and_refused_commands_are_exact(tmp
 def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
     """The third push replaces the second, and a duration of 0 ends it."""
     inputs = {0: {"motor_speed": 90.0}, 60: 'push {"duration": 0.103, "force_x": 20.0, "force_z": -3.0}',
-            110: 'push {"duration": 9.0, "force_x": -8.0, "force_z": 0.0}',
-            120: 'push {"duration": 9.0, "force_x": 0.0, "force_z": 2.0}',
-            130: 'push {"duration": 0.0, "force_x": 0.0, "force_z": 0.0}',
-            150: 'fault {"fault": "plate_stuck", "of": "upper", "value": 0.0, "duration": 0.2, '
-                 '"from_x": 0.0, "to_x": 0.0}',
-            155: {"upper_gap": 0.001}, 210: 'state {"body_velocity": 0.3}', 220: 'push {"duration": NaN}'}
+              110: 'push {"duration": 9.0, "force_x": -8.0, "force_z": 0.0}',
+              120: 'push {"duration": 9.0, "force_x": 0.0, "force_z": 2.0}',
+              130: 'push {"duration": 0.0, "force_x": 0.0, "force_z": 0.0}',
+              150: 'fault {"fault": "plate_stuck", "of": "upper", "value": 0.0, "duration": 0.2, '
+              '"from_x": 0.0, "to_x": 0.0}',
+              155: {"upper_gap": 0.001}, 210: 'state {"body_velocity": 0.3}', 220: 'push {"duration": NaN}'}
     motion, setting = read(robot_bag(tmp_path / "bag", "device", 241, inputs, RATE))
     assert (motion.header["exact"], setting["notes"]) == (True, [])
     assert motion.header["pushes"] == [

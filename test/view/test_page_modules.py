@@ -107,7 +107,7 @@ def test_the_extremes_of_many_samples_in_a_pixel_are_drawn(modules):
         samples.push(Float64Array.from(v[0]));
         const points = [];
         samples.trace("noise", 0, 1, 0.1, (time, value) => points.push([time, value]));
-        return points;""", rows)
+                          return points;""", rows)
     assert len(points) <= 22
     assert min(value for _, value in points) == values.min() and max(value for _, value in points) == values.max()
 
@@ -177,7 +177,7 @@ def test_curve_and_path_follow_the_motion_and_break_at_gaps(modules):
         motion.trace("q0", v[1].begin, v[1].end, 1e-3, (time, value) => {
           curve.push([time, Number.isNaN(value) ? null : value]);
         });
-        return [points, curve];""", binary(payload), header)
+                                 return [points, curve];""", binary(payload), header)
     assert [time for time, value in curve if value is None] == [motion.borders[20, 0]]
     drawn = np.array([point for point in curve if point[1] is not None and point[0] not in motion.borders])
     assert np.all(np.diff(drawn[:, 0]) >= 0.0)
@@ -228,7 +228,7 @@ def test_a_push_is_there_from_its_begin_to_its_end(modules):
     header["pushes"] = [{"begin": 0.1, "end": 0.2, "force_x": 3.0, "force_z": 0.0}]
     forces = modules.call("motion", BUFFER + """
         return v[2].map((time) => new m.Motion(v[1], buffer).pushAt(time)?.force_x ?? null);""", binary(payload),
-                         header, [0.09, 0.1, 0.15, 0.2])
+                          header, [0.09, 0.1, 0.15, 0.2])
     assert forces == [None, 3.0, 3.0, None]
 
 
@@ -255,5 +255,5 @@ def test_the_height_of_a_hop_stands_within_the_picture(modules, size):
           stage.fit(v[1], v[2], values);
           stage.drawHeight(context, values);
         }
-        return texts;""", drawing(vibro_ros.load_scene("device")), *size)
+                         return texts;""", drawing(vibro_ros.load_scene("device")), *size)
     assert len(texts) == 3 and all(0.0 <= text["left"] and text["right"] <= size[0] for text in texts)

@@ -187,7 +187,7 @@ def check_screen_reader(page) -> None:
     """Check that controls have names for a screen reader, that messages are announced, and that numbers change."""
     nodes = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")["nodes"]
     received = [(node["role"]["value"], node.get("name", {}).get("value", ""))
-             for node in nodes if not node["ignored"]]
+                for node in nodes if not node["ignored"]]
     for role, name in received:
         if role in ("button", "slider", "textbox", "checkbox", "combobox", "image"):
             assert name.strip(), (role, received)

@@ -91,7 +91,7 @@ def _build_one(prefix: Path, package: str, folder: Path) -> None:
                  ["--build", str(folder), "--parallel", str(len(os.sched_getaffinity(0)))],
                  ["--install", str(folder)]):
         ended = subprocess.run([cmake, *step], env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                              text=True, errors="replace")
+                               text=True, errors="replace")
         log += ended.stdout
         if ended.returncode:
             (prefix / LOG).write_text(log)

@@ -92,7 +92,7 @@ class Bag(Mapping[str, Arrays]):
         """Return the full name of the topic called `name` (MissingTopicError when none, or more than one, has it)."""
         types = {topic: recorded.type_name for topic, recorded in self.topics.items()}
         matches = [topic for topic in self.arrays if topic == name or topic.endswith(f"/{name}")
-                 and ROBOT_TOPICS.get(_last_part(topic), types[topic]) == types[topic]]
+                   and ROBOT_TOPICS.get(_last_part(topic), types[topic]) == types[topic]]
         if len(matches) > 1:
             raise MissingTopicError(f"{self.path}: {name} is ambiguous; give one of {', '.join(matches)}")
         if not matches:
@@ -259,7 +259,7 @@ class Series:
         self._layouts: dict[tuple[tuple[str, ...], ...], _Layout] = {}  # by joints and quantities of a message
         self._times = array("d")
         self._values: dict[str, array] = {name: array("L" if column.is_text else "d")
-                                         for name, column in self._columns.items()}
+                                          for name, column in self._columns.items()}
         self._texts: dict[str, dict[str, int]] = {name: {} for name, column in self._columns.items() if column.is_text}
 
     def append(self, time_ns: int, data: bytes) -> None:
@@ -426,7 +426,7 @@ COLUMNS: Mapping[str, Mapping[str, Column]] = {
         "acceleration_variance": _variances("linear_acceleration_covariance"),
         "angular_velocity_variance": _variances("angular_velocity_covariance")},
     "sensor_msgs/msg/BatteryState": {"stamp": STAMP, "voltage": numbers_at("voltage"),
-                                      "current": numbers_at("current")},
+                                     "current": numbers_at("current")},
     "geometry_msgs/msg/PoseWithCovarianceStamped": {
         "stamp": STAMP, "position": _axes("pose.pose.position"), "variance": _variances("pose.covariance",
                                                                                         _FIRST_OF_SIX)},

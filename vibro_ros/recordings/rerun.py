@@ -208,7 +208,7 @@ class Rerun:
         device, start = self.device, self._run.stamp(self.origin)
         measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
         messages = self._messages.of_sample(device.values, device.take_events(), measurements,
-                                         self._run.stamp(self.tick), partial(stamp_at, start))
+                                            self._run.stamp(self.tick), partial(stamp_at, start))
         return [message for message in messages if message[0] not in OF_DC_MOTOR or message[0] in self._run.topics]
 
     def go_to(self, tick: int) -> None:

@@ -129,12 +129,12 @@ def columns_of(topic: str) -> dict[str, Column]:
 
 
 RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocity",
-          **{position: velocity for position, velocity, _ in JOINTS.values()}}
+         **{position: velocity for position, velocity, _ in JOINTS.values()}}
 """Rate of change of each position, as a quantity."""
 
 
 def interpolate(signals: Mapping[str, Signal], names: Sequence[str], span: Span,
-                 resets: Sequence[float]) -> Interpolated:
+                resets: Sequence[float]) -> Interpolated:
     """Interpolate between the samples in a `span` [s]: borders [s], shape (p, 2), and Chebyshev coefficients (SI).
 
     The coefficients have the shape (p, names, DEGREE + 1), and are NaN for quantities that were not recorded. There is

@@ -309,7 +309,7 @@ class _PageSocket(_Handler, WebSocketHandler):
 _FRAMES_OF_ROBOT = ("robot", "absent", "samples", "impacts")
 #: For each kind, the kinds of waiting frames that a new one replaces: an earlier state or status, a late motion.
 _REPLACES = {"robot": _FRAMES_OF_ROBOT, "absent": _FRAMES_OF_ROBOT, "status": ("status",), "commands": ("commands",),
-               "motion": ("motion",)}
+             "motion": ("motion",)}
 
 
 class Outbox:

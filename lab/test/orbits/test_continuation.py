@@ -40,7 +40,7 @@ def followed(family: Family, unknowns: np.ndarray, direction: float):
 @pytest.mark.parametrize(("speed", "restitution", "gap", "direction", "kind"), [
     (170.0, 0.5, 0.0, 1.0, FOLD), (230.0, 0.5, -0.003, -1.0, FOLD), (130.0, 0.8, 0.01, -1.0, DOUBLING)])
 def test_folds_and_doublings_of_an_impact_oscillator_are_those_of_its_closed_form(speed, restitution, gap, direction,
-                                                                                kind):
+                                                                                  kind):
     scene = oscillator(speed, restitution, gap)
     closed = ImpactOscillator(scene)
     expected = [closed.blow(phase).gap for phase in (closed.folds() if kind == FOLD else closed.doublings())]

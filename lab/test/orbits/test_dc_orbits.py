@@ -83,14 +83,14 @@ def section_map(robot, phase, state):
         return y[2] - phase - 2.0 * math.pi
     passes.terminal, passes.direction = True, 1.0
     solution = solve_ivp(rate, (0.0, 1.0), [*state[:2], phase, *state[2:]], method="DOP853", rtol=1e-13, atol=1e-14,
-                      events=passes)
+                         events=passes)
     return solution.y[[0, 1, 3, 4], -1], solution.t[-1]
 
 
 def test_the_map_of_a_section_is_that_of_another_integrator():
     """An orbit with 29 % of ripple, its period, and the derivative by central differences of that integrator's map."""
     robot = scene("unilateral", VOLTS, WINDING, {"effects.inclined_mass": False, "effects.upper_contact": "none",
-                                              "upper.spring.damping": 3.0, "motor.crank_inertia": 2e-4})
+                                                 "upper.spring.damping": 3.0, "motor.crank_inertia": 2e-4})
     orbit = vibro_lab.find_orbit(robot)
     turn_map = TurnMap(robot, orbit.state.crank_angle)
     names = ("upper_position", "upper_velocity", "motor_speed", "motor_current")

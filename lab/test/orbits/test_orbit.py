@@ -38,7 +38,7 @@ def in_order(values) -> np.ndarray:
 def test_a_mirrored_crank_has_the_same_orbits():
     """The inclined mass cannot tell which way the crank turns; with the body it moves at the same mean speed."""
     orbits = {speed: vibro_lab.find_orbit(scene("damped", **{"effects.upper_mass": False, "motor.speed": speed}))
-             for speed in (SPEED, -SPEED)}
+              for speed in (SPEED, -SPEED)}
     forwards, backwards = orbits.values()
     assert backwards.mean_speed == pytest.approx(forwards.mean_speed, abs=1e-13) and abs(forwards.mean_speed) > 0.01
     assert in_order(backwards.multipliers) == pytest.approx(in_order(forwards.multipliers), abs=1e-6)

@@ -17,7 +17,7 @@ SPEEDS = DOCS / optimum.PAGE.name
 FOLDER = DOCS / optimum.FOLDER
 RESULTS = optimum.read_results(FOLDER)
 WATCHED, PAPERS, MOTIONS = (json.loads((FOLDER / file).read_text(encoding="utf-8"))
-                             for file in (optimum.LASTING, optimum.COMPARED, optimum.MOTIONS))
+                            for file in (optimum.LASTING, optimum.COMPARED, optimum.MOTIONS))
 
 
 def test_the_section_is_made_of_the_numbers():

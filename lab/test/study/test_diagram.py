@@ -26,7 +26,7 @@ def fold(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fold")
     words = [*FOLD, "--output", str(folder)]
     ended = subprocess.run([sys.executable, "-m", "vibro_lab.study.command", "diagram", *words], capture_output=True,
-                          text=True, check=True, timeout=120.0)
+                           text=True, check=True, timeout=120.0)
     return folder, ended.stdout
 
 

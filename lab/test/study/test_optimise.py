@@ -122,7 +122,7 @@ def test_finds_the_top_of_a_hill_within_its_budget(hill):
 
 def test_the_same_seed_proposes_the_same_robots(hill):
     first, same, other = (searched(planned(f"--objective speed --budget 60 --seed {seed} {hill}"), Execution(1)).points
-                        for seed in (3, 3, 4))
+                          for seed in (3, 3, 4))
     np.testing.assert_array_equal(first, same)
     assert (first[:len(other)] != other[:len(first)]).any()
 
@@ -143,7 +143,7 @@ def test_the_front_reaches_from_slow_and_cheap_to_fast_and_dear(hill, monkeypatc
 def test_values_do_not_depend_on_workers_and_a_robot_that_cannot_be_built_has_none():
     """Much friction jams some guide angles (Painlevé's paradox), which no bounds of a parameter know."""
     fixed = [variable.name for variable in VARIABLES if variable.name not in ("mass.upper", "mass.inclined",
-                                                                             "guide.angle")]
+                                                                              "guide.angle")]
     plan = planned("--set ground.friction=12 --set ground.static_friction=12 --fix " + " --fix ".join(fixed))
     points = np.array([[0.0, 1.0, 0.45], [0.5, 0.1, 0.9], [1.0, 0.0, 0.2]])
     by_one, two = (np.array(list(values_of(plan, points, SHORT, Execution(workers)))) for workers in (1, 2))

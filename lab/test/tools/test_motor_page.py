@@ -24,7 +24,7 @@ def test_the_page_says_of_its_table_what_the_table_says():
     """
     page = (Path(__file__).resolve().parents[3] / "docs/guide/motor.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| ([\d.e-]+)\S*.* \| (-[\d.]+) mm/s, .*\((\d+) of 16\) \| .* \| ([\d.]+) A \|",
-                       page, re.MULTILINE)
+                      page, re.MULTILINE)
     ideal = float(re.search(r"motor `ramp` \| (-[\d.]+) mm/s", page)[1])
     near_ideal = {flywheel: [abs(float(speed) / ideal - 1.0) < 0.1
                              for inertia, speed, *_ in rows if float(inertia) == flywheel] for flywheel in INERTIAS}

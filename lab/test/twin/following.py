@@ -191,7 +191,7 @@ def verdicts(settings: FilterSettings) -> dict[str, str]:
     rows = list(follow(estimator, device, 2.5))
     errors = [abs(estimate.mean[INDEX["body_velocity"]] - true.body_velocity) for estimate, true, _ in rows]
     verdict = {"false alarms": ", ".join({departure.words for _, _, departure in rows if departure}) or "none",
-            "speed": "known" if np.quantile(errors, 0.9) < 5e-3 else "lost"}
+               "speed": "known" if np.quantile(errors, 0.9) < 5e-3 else "lost"}
     for name in ("motor_stall", "friction_patch", "sensor_freeze of encoder"):
         verdict[name] = in_a_child(partial(words_said, estimator, device, name)).partition(" of about")[0]
     return verdict

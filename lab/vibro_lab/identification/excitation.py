@@ -149,7 +149,7 @@ def excite(scene: Scene, free: Sequence[str], duration: float = 5.0, sensors: Se
 def sensors_of(recording: Recording) -> Sensors:
     """Return rates and noise of a recording's channels, without those of an IMU."""
     return {f"{channel.sensor}.{channel.field}": ((len(channel.times) - 1) / (channel.times[-1] - channel.times[0]),
-                                                 channel.sigma)
+                                                  channel.sigma)
             for channel in recording.channels if channel.field in SAMPLE_FIELDS}
 
 

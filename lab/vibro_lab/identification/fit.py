@@ -188,7 +188,7 @@ class Fitting:
             self._say("all windows as one motion")
             is_last = not (shooting.is_coarse and later) or not white.differs_from(self.recording)
             point = shooting.minimise(point, 0.0, shooting.tight, settings.steps,
-                                   settings.enough if is_last else settings.enough_of_chain)
+                                      settings.enough if is_last else settings.enough_of_chain)
             if not white.differs_from(self.recording):
                 break
             point = self._with_noise_of_residuals(shooting, point)  # of a motion that is nearer

@@ -276,7 +276,7 @@ def _times(topic: str, arrays: Arrays, start: int, said: list[str]) -> tuple[np.
         was_set = np.abs(np.array([times, recorded]) + start * 1e-9) > _NEVER_SET
     counts = was_set[0] & ~(copies := _copies(times, arrays))
     for left_out, why in ((~was_set[0], "the stamp was never set"), (was_set[0] & copies, "it is a copy of another, as "
-                                                                      "of two recorders")):
+                                                                     "of two recorders")):
         if number := np.count_nonzero(left_out):
             said.append(f"{topic}: {number} of {len(times)} messages left out, because {why}")
     if counts.sum() < FEWEST:

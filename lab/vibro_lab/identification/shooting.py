@@ -270,7 +270,7 @@ class Shooting:
             little = max(_LITTLE, enough * earlier_misfit)
             for chord in range(_CHORDS):
                 trial, promised, damping = self._lower(point, jacobian, looseness, width, damping, fresh and not chord,
-                                                     little)
+                                                       little)
                 if trial is None:
                     break
                 won = self.misfit(point, looseness, width) - self.misfit(trial, looseness, width)

@@ -265,7 +265,7 @@ def _distances(device: Simulator, twin: Simulator, begin: float, ends: Iterator[
     for end in ends:
         first, second = (simulator.sample(np.linspace(simulator.time, end, _SAMPLES)) for simulator in (device, twin))
         distance = max(np.abs(first.upper_position - second.upper_position).max(),
-                    np.abs(first.inclined_position - second.inclined_position).max())
+                       np.abs(first.inclined_position - second.inclined_position).max())
         distances.append(max(_ROUNDING, float(distance)))
         if distances[-1] > _LARGEST_DISTANCE:
             break

@@ -284,7 +284,7 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
         turn_map = TurnMap(scene, seed.phase)
         if not any(seed.turns == other.turns and is_same(
                 turn_map, at_cut(TurnMap(scene, other.phase), other.state, turn_map), seed.state, seed.turns)
-                for other in different):
+                   for other in different):
             different.append(seed)
     return different
 

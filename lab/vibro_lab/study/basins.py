@@ -266,8 +266,8 @@ def in_words(design: BasinDesign, table: pa.Table, basins: Basins) -> list[str]:
     if len(basins.attractors) > _SHOWN:
         lines.append(f"{len(basins.attractors) - _SHOWN} more motions; without losses every start has one of its own")
     for number, outcome in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
-                         (OTHER, f"starts have other motions than the first {MOST_ATTRACTORS}"),
-                         (IMPOSSIBLE, "starts cannot be, or could not go on")):
+                            (OTHER, f"starts have other motions than the first {MOST_ATTRACTORS}"),
+                            (IMPOSSIBLE, "starts cannot be, or could not go on")):
         if count := int(np.sum(basins.numbers == number)):
             reason = next(text for text in table["error"].to_pylist() if text) if number == IMPOSSIBLE else ""
             lines.append(f"{count} {outcome}{f', such as: {reason}' if reason else ''}")
@@ -310,8 +310,8 @@ def _colour(number: int) -> str:
 
 def _legend(basins: Basins) -> list[figures.Patch]:
     patches = [figures.Patch(color=_colour(number), label=f"{number}: {attractor.in_words()}, "
-                           f"{100.0 * attractor.share:.3g} % of the starts")
-             for number, attractor in enumerate(basins.attractors[:len(figures.PALETTE)], 1)]
+                             f"{100.0 * attractor.share:.3g} % of the starts")
+               for number, attractor in enumerate(basins.attractors[:len(figures.PALETTE)], 1)]
     if np.isin(basins.numbers, (UNSETTLED, OTHER)).any():
         patches.append(figures.Patch(color=_GREY, label="not settled, or another motion"))
     if np.any(basins.numbers == IMPOSSIBLE):

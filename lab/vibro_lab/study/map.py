@@ -238,7 +238,7 @@ def _measured(turn_map: TurnMap, motion: SettledMotion, settings: MapSettings
              settings.turns_without_period)
     device = Simulator(turn_map.scene.with_parameters({"solver.accounts": True}))
     device.set_state(crank_angle=turn_map.phase, **dict(zip(turn_map.names, motion.states[-1] * turn_map.units,
-                                                             strict=True)))
+                                                            strict=True)))
     period = turn_map.turn_time(motion.states[-1], turns)
     observation = observed(device, (WORK, REST), Window(0.0, period, turns, turns * period))
     landings = round(float(np.sum(observation.events["kind"] == "landing")) * motion.turns / turns)

@@ -405,7 +405,7 @@ class Result:
     def numbers(self) -> bytes:
         """Return all results as JSON, in SI units; numbers that are not finite are null."""
         document = {"robots": len(self.candidates.points), "optimum": self.plan.parameters(self.point),
-                 "verified": self.rows, "front": self.front}
+                    "verified": self.rows, "front": self.front}
         return (json.dumps(finite(document), indent=1, allow_nan=False) + "\n").encode()
 
     def table(self) -> bytes:

@@ -151,7 +151,7 @@ def in_words(summary: Summary) -> Iterator[str]:
     for name in shown_measures(design):
         yield from _measure_in_words(summary, name)
     for count, outcome, is_refused in ((summary.failed.sum(), "runs could not go on", False),
-                                    (summary.refused.sum(), "runs are of scenes that are refused", True)):
+                                       (summary.refused.sum(), "runs are of scenes that are refused", True)):
         if count:
             text = next(text for text in summary.errors if text.startswith(NO_SCENE) == is_refused)
             yield f"{count} {outcome}, such as: {text}"

@@ -235,7 +235,7 @@ class SpeedLaw:
         mean = self._distance / self._span
         low, high = self._strays
         summary = (f"mean speed {mean:.4f} m/s over the last {self._span:.1f} s, {low:.4f} to {high:.4f} m/s over "
-                f"{SHORT_MEAN:g} s each")
+                   f"{SHORT_MEAN:g} s each")
         if abs(mean - self._goal.speed) > self._goal.within:
             advice = "give more time or a wider tolerance"
             if self._at_high > self._duration / 4.0:

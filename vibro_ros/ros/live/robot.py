@@ -238,7 +238,7 @@ class RobotStatus:
         self._log = PollingSubscription(node, Log, "/rosout", _LOG)
         self._impacts = PollingSubscription(node, WrenchStamped, "impacts", qos_profile("impacts"))
         self._diagnostics = PollingSubscription(node, DiagnosticArray, full_name("diagnostics"),
-                                             qos_profile("diagnostics"))
+                                                qos_profile("diagnostics"))
         self._operations = PollingSubscription(node, String, f"{robot}/{OPERATIONS}", qos_profile(OPERATIONS))
         self._frames: dict[str, str] = {}
         self.status: dict[str, Any] = {}

@@ -57,7 +57,7 @@ class CommandSubscriptions:
             for name in commands_of(scene)}
         self.topics = {name: subscription.topic for name, subscription in self._subscriptions.items()}
         _warn_of_unmatched(node, {self.topics[name]: (TOPICS[name].type, subscription.profile)
-                                for name, subscription in self._subscriptions.items()})
+                                  for name, subscription in self._subscriptions.items()})
 
     def apply(self, device: Simulator, stamp: int, record: Record) -> None:
         """Pass every command that has arrived to the device, at its present time, and record it, even if refused."""
